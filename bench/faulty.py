@@ -8,26 +8,13 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from bench.outside import (
-    Errors,
-    Part,
-    Section,
-    Usual,
-    drawn_section,
-    inspected,
-    raw_edge,
-    raw_errors,
-    simulate,
-)
+from bench.outside import Part, Section, Usual, drawn_section, simulate
 from bench.recordings import dense_stream, frames, with_values
-from workbench.errors import WorkbenchError
 from workbench.units import Float
 
-FLOOR = {"mm": 0.02, "deg": 0.1}  # below these no error matters
 Rng = np.random.Generator
 Makes = Callable[[int, bool, Rng], Part]
 
@@ -145,38 +132,3 @@ KINDS: dict[str, Makes] = {
     "exposure alternates": alternating,
     CHATTER: chattered,
 }
-NAMED = "does not show whether the clocks agree"
-
-
-class Outcome(NamedTuple):
-    """Of one part."""
-
-    refused: str  # by which words; empty: it is not
-    named: bool  # the results say that they do not know whether the clocks agree
-    worst: float  # greatest error over u, of errors over FLOOR
-    told: str  # errors by quantity
-
-
-def outcome(kind: str, seed: int, is_raw: bool) -> Outcome:
-    """Measure part `seed` of a kind."""
-    rng = np.random.default_rng([782, seed, list(KINDS).index(kind)])
-    part, named = KINDS[kind](seed, is_raw, rng), False
-    try:
-        if is_raw:
-            edge = raw_edge(part)
-            named = any(one.name == "late_turn_deg" and NAMED in one.finding for one in edge.checks)
-        found = raw_errors(part, edge) if is_raw else inspected(part)
-    except WorkbenchError as error:
-        return Outcome(str(error), False, 0.0, "")
-    return Outcome("", named, *_worst(found))
-
-
-def _worst(found: Errors) -> tuple[float, str]:
-    worst, told = 0.0, []
-    for name, (error, u) in found.items():
-        over = np.where(np.abs(error) > FLOOR[name.rpartition(", ")[2]], np.abs(error) / u, 0.0)
-        if over.size:
-            worst = max(worst, float(over.max()))
-            k = int(over.argmax())
-            told.append(f"{name} {error[k]:+.3f} at {over[k]:.1f} u, u {np.median(u):.4f}")
-    return worst, "; ".join(told)

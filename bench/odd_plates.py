@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bench.outside import BEYOND, FAR_MM, Errors, Part, Section, between, inspected, planned, simulate
-from workbench.errors import WorkbenchError
+from bench.outside import FAR_MM, Part, Section, between, simulate
 from workbench.units import DEG, Float
 
 Corners = tuple[tuple[float, float], ...]
@@ -200,37 +199,3 @@ def odd_plate(shape: str, seed: int, is_raw: bool) -> Part:
     root, bevel, height = rng.uniform(0.8, 3.0), rng.uniform(25.0, 55.0), rng.uniform(3.0, 8.0)
     table = None if rng.random() < 0.5 else rng.uniform(4.0, 30.0)
     return simulate(seed, is_raw, drawn_above(root, bevel * DEG, SHAPES[shape](rng, bevel, height), table))
-
-
-def judged(shape: str, seeds: range, is_raw: bool) -> tuple[int, int, list[str]]:
-    """How many parts were refused and how many right within BEYOND u; the wrong ones, told.
-
-    Of a chamfered lower edge the size to the virtual sharp edge is right, and that to where the chamfer begins.
-    """
-    refused, right, wrong = 0, 0, []
-    for seed in seeds:
-        part = odd_plate(shape, seed, is_raw)
-        try:
-            found = (planned if is_raw else inspected)(part)
-        except WorkbenchError:
-            refused += 1
-            continue
-        if isinstance(part.section, Drawn) and part.section.chamfer_mm > 0.0:
-            found = _to_either_end(found, part.section.chamfer_mm)
-        off = [f"{q} {np.abs(e).max():.3f} at {(np.abs(e) / u).max():.1f} u" for q, (e, u) in found.items() if e.size]
-        worst = max((float((np.abs(e) / u).max()) for e, u in found.values() if e.size), default=0.0)
-        if worst <= BEYOND:
-            right += 1
-        else:
-            wrong.append(f"{shape} {seed} as {'raw edge' if is_raw else 'bevel'}: {', '.join(off)}")
-    return refused, right, wrong
-
-
-def _to_either_end(found: Errors, chamfer_mm: float) -> Errors:
-    """Errors of sizes to the virtual sharp edge or, where that is nearer in all, to where the chamfer begins."""
-    out = dict(found)
-    for name, land in (("root, mm", chamfer_mm), ("along m, mm", -chamfer_mm)):
-        if name in found:
-            e, u = found[name]
-            out[name] = min(((e, u), (e + land, u)), key=lambda one: float((np.abs(one[0]) / one[1]).max(initial=0.0)))
-    return out

@@ -8,25 +8,18 @@ way, values rounded, poses at every frame or every fourth.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bench.drawn.seeds import nominal_sizes
-from workbench.artefacts import RawEdge, Recording
-from workbench.cloud import denoise
-from workbench.edge import segment, segment_raw
-from workbench.inspect import sections
+from workbench.artefacts import Recording
 from workbench.kernels import kernel
-from workbench.scan import fuse
-from workbench.units import DEG, Float
+from workbench.units import Float
 
 ARC = np.linspace(0.0, np.pi / 2.0, 9)  # a rounding's vertices
 FAR_MM = 60.0  # how far the plate reaches
-BEYOND = 3.0  # standard uncertainties: more is wrong
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,48 +303,3 @@ def _pose(rng: np.random.Generator, distance_mm: float) -> Float:
     away = rng.normal(size=3)
     pose[:3, 3] = distance_mm * away / np.linalg.norm(away)
     return pose
-
-
-Errors = dict[str, tuple[Float, Float]]  # by quantity: errors and standard uncertainties
-
-
-def inspected(part: Part, limits: Mapping[str, float] | None = None) -> Errors:
-    """Root faces and bevel angles of the sections, by a user who knows both to 0.5 mm and 5 deg; limits of checks."""
-    near: Any = nominal_sizes(part.section.root_mm, part.section.bevel / DEG)
-    edge = segment(denoise(fuse(part.recording)), **near, limits=dict(limits or {}))
-    found = [s for s in sections(edge, **near).sections if s.root_mm is not None]
-    section_from_base = np.linalg.inv(part.base_from_section)
-    along = np.array([(section_from_base @ np.append(s.origin_mm, 1.0))[2] for s in found])
-    true = part.section.root_at(along)
-    return {
-        "root, mm": (np.array([s.root_mm for s in found]) - true, np.array([s.root_u_mm for s in found])),
-        "bevel, deg": (
-            np.array([s.bevel_deg for s in found]) - part.section.bevel / DEG,
-            np.array([s.bevel_u_deg for s in found]),
-        ),
-    }
-
-
-def raw_edge(part: Part) -> RawEdge:
-    """The edge by a user who knows which side is the upper one."""
-    return segment_raw(denoise(fuse(part.recording)), upper_side=tuple(part.base_from_section[:3, 1].tolist()))
-
-
-def planned(part: Part) -> Errors:
-    """Place of the lower edge along the end face's normal and along the face, and the face's direction."""
-    return raw_errors(part, raw_edge(part))
-
-
-def raw_errors(part: Part, edge: RawEdge) -> Errors:
-    """As `planned`, of an edge that was found."""
-    turn = part.base_from_section[:3, :3]
-    at = np.flatnonzero(edge.seen & np.isfinite(edge.position_mm[:, 0]))[::5]
-    place = (edge.position_mm[at] - part.base_from_section[:3, 3]) @ turn
-    normal = edge.normal[at] @ turn
-    u = edge.position_u_mm[at]
-    axis_u = np.broadcast_to(np.asarray(edge.normal_u), edge.seen.shape)[at] / DEG
-    return {
-        "along n, mm": (place[:, 0], u[:, 0]),
-        "along m, mm": (place[:, 1], u[:, 1]),
-        "axis, deg": (np.arctan2(normal[:, 1], normal[:, 0]) / DEG, axis_u),
-    }

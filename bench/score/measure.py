@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from bench.open.rivals import Measure, rival
-from bench.score.parts import Part, part
+from bench.score.parts import Drawn, Part, part, plain
 from bench.score.parts import group as group_of
 from workbench.errors import WorkbenchError
+from workbench.scan import write
 from workbench.score import scorer
 
 
@@ -60,6 +61,15 @@ def measure(part: Part, method: Measure, group: str, declared: Mapping[str, Any]
         wrong = any(np.any(np.abs(found.error) > 4.0 * found.u) for found in alone)
         result.passed_wrongly += wrong and section.get("verdict") == "pass"
     return result
+
+
+def alone(drawn: Drawn, engine: str = "product") -> Result:
+    """A part that nobody keeps, written to a file and measured."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "part.h5")
+        write(drawn.recording, path)
+        truth = {name: plain(column) for name, column in drawn.truth.items()}
+        return measure(Part("alone", 0, path, truth, drawn.declared, drawn.about), rival(engine).measure, "alone", {})
 
 
 def named(condition: str, seed: int) -> Result:

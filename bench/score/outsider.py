@@ -111,20 +111,25 @@ def odd(seed: int) -> Drawn:
     return milled_part(part, {}, fault)
 
 
+def raw_part(part: Part, known: dict[str, Any], about: str) -> Drawn:
+    """A raw edge, of which a user knows the upper side and what is `known` besides."""
+    _, points, seen = stations(part)
+    n, m, t = (np.broadcast_to(part.base_from_section[:3, k], points.shape) for k in range(3))
+    true = {"position_mm": points, "normal": n, "across": m, "tangent": t, "seen": seen}
+    return Drawn(part.recording, true, {"kind": "raw", "upper_side": m[0].tolist()} | known, about)
+
+
+def plain(part: Part, is_raw: bool) -> Drawn:
+    """A part of which nothing else is known."""
+    return (raw_part if is_raw else milled_part)(part, {}, "")
+
+
 def raw(seed: int) -> Drawn:
     rng = generator("score outside raw", seed)
     part = simulate(seed, True)
     recording, known = as_real(part.recording, rng, 0.01, 0.06)
-    _, points, seen = stations(part)
-    n, m, t = (np.broadcast_to(part.base_from_section[:3, k], points.shape) for k in range(3))
-    true = {"position_mm": points, "normal": n, "across": m, "tangent": t, "seen": seen}
-    declared = {"kind": "raw", "upper_side": m[0].tolist()} | known
-    return Drawn(
-        recording,
-        true,
-        declared,
-        f"raw, radius {part.section.radius_mm:.3f} mm, {about_robot(known)}",
-    )
+    about = f"raw, radius {part.section.radius_mm:.3f} mm, {about_robot(known)}"
+    return raw_part(part, known, about)._replace(recording=recording)
 
 
 DRAWS = {"sharp": sharp, "worn": worn, "below": below, "odd": odd, "raw": raw}

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from bench.odd_plates import Drawn, Sizes, plate
-from bench.outside import FAR_MM, Part, inspected, planned, simulate
+from bench.outside import FAR_MM, Part, simulate
+from bench.score.measure import alone
+from bench.score.outsider import plain
 from tests.seldom import seldom
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_raw
-from workbench.errors import WorkbenchError
 from workbench.path import layers
 from workbench.path.check import unseen_checks
 from workbench.scan import fuse
@@ -30,12 +31,9 @@ def on_table(seed: int, gap_mm: float, is_raw: bool = False) -> Part:
 def test_a_gap_below_the_plate_is_in_u(is_raw: bool, gap_mm: float) -> None:
     told = 0
     for seed in range(4):
-        try:
-            found = (planned if is_raw else inspected)(on_table(seed, gap_mm, is_raw))
-        except WorkbenchError:
-            continue
-        told += 1
-        assert all((np.abs(error) <= 3.0 * u).all() for error, u in found.values()), seed
+        found = alone(plain(on_table(seed, gap_mm, is_raw), is_raw))
+        told += not found.refused
+        assert all((np.abs(one.error) <= 3.0 * one.u).all() for one in found.found.values()), seed
     assert told >= 3
 
 
@@ -61,11 +59,8 @@ def test_a_stop_in_front_of_the_root_face_is_no_table(seed: int) -> None:
     stop = ((0.4, -FAR_MM), (0.4, 1.2), (FAR_MM, 1.2))
     section = sizes.drawn((plate(sizes.root_mm, sizes.above()), stop))
     assert isinstance(section, Drawn)
-    try:
-        error, u = inspected(simulate(seed, False, section))["root, mm"]
-    except WorkbenchError:
-        return
-    assert (np.abs(error) <= 3.0 * u).all()
+    found = alone(plain(simulate(seed, False, section), is_raw=False)).found["root_mm"]
+    assert (np.abs(found.error) <= 3.0 * found.u).all()
 
 
 def test_an_end_that_three_frames_in_four_lose_is_in_u() -> None:
@@ -79,5 +74,7 @@ def test_an_end_that_three_frames_in_four_lose_is_in_u() -> None:
         bevel = np.flatnonzero(edge.labels[i] == BEVEL_FACE)
         if i % 4 and on.size > 8 and bevel.size:
             z[i, on[-6:] if on[0] > bevel[0] else on[:6]] = np.nan
-    for error, u in inspected(part._replace(recording=replace(part.recording, z_mm=z))).values():
-        assert (np.abs(error) <= 3.0 * u).all()
+    found = alone(plain(part._replace(recording=replace(part.recording, z_mm=z)), is_raw=False))
+    assert not found.refused
+    for one in found.found.values():
+        assert (np.abs(one.error) <= 3.0 * one.u).all()

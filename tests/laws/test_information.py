@@ -7,24 +7,20 @@ Every law goes through files and the public stages. WORKBENCH_SCORED_ENGINE name
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from bench.open.rivals import rival
 from bench.recordings import columns, dense_stream
 from bench.score.laws import ENGINE, GROWS, POORER, SHIFT_MM, TURN, backwards, mirrored, moved
-from bench.score.measure import Result, measure
-from bench.score.parts import Drawn, Part, plain
+from bench.score.measure import Result, alone
+from bench.score.parts import Drawn
 from tests.laws.dozen import DOZEN
 from workbench.artefacts import Recording
-from workbench.scan import write
 
 SAME = 0.1  # of u: float32 ranges, sums in another order, outliers at their limit
 OTHER_AXES = np.array([[1.0, 0.0, 0.0, -5.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 20.0], [0.0, 0.0, 0.0, 1.0]])
@@ -52,12 +48,7 @@ def drawn(name: str) -> Drawn:
 
 def compared(part: Drawn) -> Result:
     """What is found of the recording, as a file, beside the truth."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "part.h5")
-        write(part.recording, path)
-        truth = {key: plain(value) for key, value in part.truth.items()}
-        told = Part("dozen", 0, path, truth, part.declared, part.about)
-        return measure(told, rival(os.environ.get(ENGINE, "product")).measure, "dozen", {})
+    return alone(part, os.environ.get(ENGINE, "product"))
 
 
 @cache

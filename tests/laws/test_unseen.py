@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bench.drawn.seeds import generator, nominal
-from bench.outside import raw_edge, simulate
+from bench.outside import simulate
 from bench.recordings import frames
 from bench.score.outsider import Sharp, sharp
 from bench.score.triangulated import sensor, way, workpiece
@@ -20,7 +20,7 @@ from bench.simulators.triangulated import STRAIGHT_MM
 from bench.simulators.triangulated import simulate as triangulated
 from workbench.artefacts import ROOT_FACE, Inspection, MilledEdge, PointSet, Recording
 from workbench.cloud import denoise
-from workbench.edge import segment, segment_cloud, segment_preparation
+from workbench.edge import segment, segment_cloud, segment_preparation, segment_raw
 from workbench.inspect import preparation, sections
 from workbench.scan import fuse, read
 from workbench.units import DEG
@@ -147,7 +147,8 @@ def test_a_window_that_ends_the_end_face_of_a_raw_edge_is_told() -> None:
     columns = np.arange(scan.z_mm.shape[1])
     cut = np.where((columns >= seen[40]) & (columns <= seen[-41]), scan.z_mm, np.nan).astype(np.float32)
     for z_mm in (scan.z_mm, cut):
-        edge = raw_edge(part._replace(recording=replace(scan, z_mm=z_mm)))
+        cloud = denoise(fuse(replace(scan, z_mm=z_mm)))
+        edge = segment_raw(cloud, upper_side=tuple(part.base_from_section[:3, 1].tolist()))
         told = next(one for one in edge.checks if one.name == "fixed_end_share")
         assert ("would not show" in told.finding) == (z_mm is cut)
 

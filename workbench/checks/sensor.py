@@ -328,7 +328,7 @@ def step_mm(values: AnyArray) -> float:
         return 0.0
     found = found.astype(np.float64)
     gaps = np.diff(found)
-    digit = float(np.spacing(np.float32(np.abs(found).max())))
+    digit = float(np.finfo(np.float32).eps * np.abs(found).max())  # as large as that of float32, or up to twice
     gaps = gaps[gaps > 2.0 * digit]
     if not gaps.size:
         return 0.0

@@ -2,8 +2,8 @@
 
 The residuals of a face are an image, frame by place on the face. What its noise does not explain, averaged over the
 frames of a stretch of edge, lasts: a bow of the face, a pattern or the linearity of the sensor, a second return of a
-part of it (ghost), a step. It is taken for a parabola, a random walk along the face, errors of single places and a part
-that stands aside as a whole; how strong they are is weighed by their restricted likelihood (Harville, JASA 72 (1977),
+part of it (ghost), a step. It is taken for a random walk along the face, errors of single places and a part that
+stands aside as a whole; how strong they are is weighed by their restricted likelihood (Harville, JASA 72 (1977),
 320), and what they make of the line follows (docs/method.md, 4).
 """
 
@@ -34,7 +34,7 @@ SINGLES = np.concatenate([[0.0], np.geomspace(5e-5, 0.1, 9)])
 SENSOR = 1000.0  # odds, before, that what lasts is the sensor's, with one walk for all faces
 # Share, before, of no walk and of no errors of single places; strengths beyond that of good sensors are the rarer.
 NOTHING, USUAL_MM = 0.5, 0.001
-FREE_MM = 1.0  # by which a line and a parabola may be anything
+FREE_MM = 1.0  # by which a line may be anything
 # Share, before, of faces of which a part stands aside as a whole; by how much, mm, alike likely.
 PART, ASIDE_MM = 0.01, np.array([0.01, 0.03, 0.1, 0.3])
 RARE = 5.0  # a likelihood smaller by a factor whose logarithm is this counts for nothing
@@ -287,7 +287,7 @@ class _Weighed(NamedTuple):
 def _weighed(image: FaceImage, with_parts: bool) -> _Weighed:
     """Restricted log-likelihoods of each stretch's mean residuals; with_parts: a part of the face may stand aside."""
     t = image.place_mm
-    shapes = np.stack([np.ones_like(t), t / t[-1], (t / t[-1]) ** 2], axis=1)
+    shapes = np.stack([np.ones_like(t), t / t[-1]], axis=1)
     base = image.noise[:, None, None] + FREE_MM**2 * shapes @ shapes.T + 1e-16 * np.eye(t.size)
     lasting = WALKS[:, None, None, None] ** 2 * _walk(image) + SINGLES[None, :, None, None] ** 2 * np.eye(t.size)
     factor = np.linalg.cholesky(base + lasting)

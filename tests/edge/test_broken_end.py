@@ -16,10 +16,10 @@ from bench.score.triangulated import below as triangulated_below
 from bench.score.triangulated import sensor, way, workpiece
 from bench.simulators.triangulated import simulate as triangulated
 from tests.seldom import seldom
-from workbench.artefacts import ROUNDING, MilledEdge
+from workbench.artefacts import MilledEdge
 from workbench.cloud import denoise
-from workbench.edge import broken_end, segment
-from workbench.scan import fuse, read
+from workbench.edge import segment
+from workbench.scan import fuse
 from workbench.units import DEG, Float
 
 
@@ -138,29 +138,3 @@ def test_the_fill_at_which_a_pixel_returns_is_told_by_its_depth(threshold: float
     off = edge.root.value[edge.seen] - np.asarray(drawn.truth["root_mm"])[near]
     assert np.abs(off / edge.root.u[edge.seen]).max() < 3.0
     assert np.abs(off).max() < 0.015
-
-
-@pytest.mark.parametrize("drift", [12.0, 40.0])
-def test_frames_beside_one_tell_where_the_end_lies_within_its_column(drift: float) -> None:
-    rng, t = np.random.default_rng(4), np.linspace(0.0, 1.0, 400)
-    true = (2.0 * np.sin(5.0 * t) + drift * t) % 1.0  # of a column, by which the end lies beyond the last one
-    lost = rng.random(t.size) < 0.05
-    low = 30.0 - true - lost + rng.normal(0.0, 0.05, t.size)
-    told = broken_end._phases(low, np.ones(t.size, bool))
-    known = np.isfinite(told) & ~lost
-    assert known.mean() > 0.6
-    assert np.median(np.abs(told - true)[known]) < 0.08
-
-
-def test_an_end_that_stays_in_its_column_tells_no_phase() -> None:
-    low = 30.0 + np.random.default_rng(4).normal(0.0, 0.05, 400)
-    assert np.isnan(broken_end._phases(low, np.ones(low.size, bool))).all()
-
-
-def test_pieces_of_a_column_tell_that_an_edge_is_sharp(monkeypatch: pytest.MonkeyPatch) -> None:
-    cloud = denoise(fuse(read(recording="data/synthetic/milled_edge.h5")))
-    pieces = segment(cloud)
-    monkeypatch.setattr(broken_end, "_phases", lambda low, _: np.full(low.size, np.nan))
-    whole = segment(cloud)
-    u = [one.root.u_by_source[ROUNDING].mean() for one in (pieces, whole)]
-    assert u[0] < 0.95 * u[1]

@@ -17,7 +17,7 @@ from workbench.edge import segment, segment_groove
 from workbench.scan import fuse, read
 
 MOST = 2.0  # times both u, and the part is another draw of its noise
-WIDEST = 5.5  # times u without the filter, of which the phases of the last columns take a tenth
+WIDEST = 5.0  # times u without the filter
 LEAST = 4  # sections of nine that are measured before and after: tack welds hide some
 
 

@@ -61,10 +61,6 @@ NO_LIGHT = 0.1  # probability that a recorded brightness does not count the ligh
 # Columns of the lower surface that return beyond its edge, where the view reaches under the plate.
 ONWARD = np.array([0.0, 0.5, 1.0, 2.0, 4.0])
 WITHIN = np.array([-0.8, -0.4, 0.0, 0.4, 0.8])  # places within a pixel
-PIECES, CUT_COLUMNS = 3, 3  # of a column, told apart by frames whose columns lie elsewhere; of the last columns
-# Where the end lies is told by the frames beside one, without so many of the nearest and of the farthest last returns;
-# its course over all frames is a polynomial of this order. Over so many frames the slopes of lines are averaged.
-BESIDE, OUTER, ORDER, STEADY_FRAMES = 15, 0.15, 8, 9
 SAMPLE_FRAMES, LEAST_FRAMES = 480, 20  # of a pass, evenly over it; with fewer its depths tell nothing
 LAST, LEAST_GROUPS, DEEP_MM = 10, 5, 3.0  # columns pooled one by one, then by tenths, up to this far from the end
 STEP_MM = 0.15  # between columns of one surface
@@ -88,25 +84,13 @@ class FaceRim:
     sense: Shaped[Float, " N"]  # +1: z counts away from the sensor
     on_line: bool  # where that return's ray meets the line, the end is told; False: at the return
     left_out_mm: float = 0.0  # of the face before that end, along x, that its line does not rest on
-    from_corner_mm: Shaped[Float, " N"] | None = None  # along the face, from its other end to that return
 
 
 def root_rim(tracked: TrackedFaces, left_out_mm: float = 0.0) -> FaceRim:
     """The lower end of a milled edge's root face; left_out_mm: of it, along x, where its line was fitted elsewhere."""
     root, bevel = tracked.faces[ROOT_FACE], tracked.faces[BEVEL_FACE]
-    slope, other = root.sxz / root.sxx, bevel.sxz / bevel.sxx
-    sense = np.sign(tracked.side * (slope - other))  # they meet in a convex corner
-    end_x, turn, fall = tracked.root_end[:, 0], _steady(slope), _steady(other)
-    corner_x = root.x_mean + (bevel.z_mean + fall * (root.x_mean - bevel.x_mean) - root.z_mean) / (turn - fall)
-    from_corner = tracked.side * (end_x - corner_x) * np.hypot(1.0, slope)
-    return FaceRim(root, tracked.side, end_x, tracked.root_end[:, 2], sense, True, left_out_mm, from_corner)
-
-
-def _steady(slope: Float) -> Float:
-    """Slopes (N,), each the mean of those known of STEADY_FRAMES about it; NaN where it is none itself."""
-    known, near = np.isfinite(slope), np.ones(min(STEADY_FRAMES, slope.size))
-    total = np.convolve(np.where(known, slope, 0.0), near, "same")
-    return np.where(known, total / np.maximum(np.convolve(known, near, "same"), 1.0), np.nan)
+    sense = np.sign(tracked.side * (root.sxz / root.sxx - bevel.sxz / bevel.sxx))  # they meet in a convex corner
+    return FaceRim(root, tracked.side, tracked.root_end[:, 0], tracked.root_end[:, 2], sense, True, left_out_mm)
 
 
 def is_free_end(tracked: TrackedFaces) -> Bool:
@@ -149,24 +133,21 @@ def broken_end(
     """
     beyond, u = np.zeros((2, here.size))
     numbers = np.unique(cloud.pass_index[here])
+    views = [_view(cloud, rim, here & (cloud.pass_index == p)) for p in numbers]
     prior = PRIORS[condition]
-    for in_pieces in (True, False):  # by whole columns where templates do not explain their pieces
-        views = [_view(cloud, rim, here & (cloud.pass_index == p), in_pieces) for p in numbers]
-        templates = end_templates(prior)
+    templates = end_templates(prior)
+    seen, likelihood, share = _posterior(views, templates, corner)
+    if seen:
+        templates = templates.finer(share > UNLIKELY, math.log(prior.most_mm / prior.least_mm) / (SIZES - 1))
         seen, likelihood, share = _posterior(views, templates, corner)
-        if seen:
-            templates = templates.finer(share > UNLIKELY, math.log(prior.most_mm / prior.least_mm) / (SIZES - 1))
-            seen, likelihood, share = _posterior(views, templates, corner)
-        odd = [_odd_columns(view.known, share @ one.fall) for view, one in zip(views, seen, strict=True)]
-        if not any(count and view.in_pieces for count, view in zip(odd, views, strict=True)):
-            break
     possible = np.isfinite(templates.log_prior[1:])
     proven = bool(likelihood[1:][possible].max() - likelihood[0] > PROOF)
     rims = [0.0]
-    for p, view, one, count in zip(numbers, views, seen, odd, strict=True):
+    for p, view, one in zip(numbers, views, seen, strict=True):
         mine = here & (cloud.pass_index == p)
         mean, spread = beyond_of(share, one)
-        beyond[mine], u[mine] = mean, math.hypot(spread, count * view.step_mm)
+        odd = _odd_columns(view.known, share @ one.fall) * view.step_mm
+        beyond[mine], u[mine] = mean, math.hypot(spread, odd)
         deep = share @ one.fall > 3.0 * np.sqrt(np.diag(view.known.noise))
         rims.append(float(np.diff(view.edges_mm)[deep].sum()) * math.cos(view.inclination))
     size, rim_mm = (float(share @ templates.size_mm), max(rims)) if proven and seen else (0.0, 0.0)
@@ -300,11 +281,6 @@ class EndView(NamedTuple):
     darkness: float | None = None  # light that the sensor asks for, of what the face returns; None: not recorded
 
     @property
-    def in_pieces(self) -> bool:
-        """Whether the last columns are told in pieces."""
-        return bool(self.edges_mm[1] < 0.9 * self.step_mm)
-
-    @property
     def pixels(self) -> tuple[Shaped[Float, "k 2"], Shaped[Float, " k"]]:
         """Columns by which a pixel's middle may lie beyond the end, and half of what it sees; and their shares.
 
@@ -319,7 +295,7 @@ class EndView(NamedTuple):
         return np.concatenate([np.zeros((1, 2)), seen]), prior
 
 
-def _view(cloud: Cloud, rim: FaceRim, here: Bool, in_pieces: bool) -> EndView:
+def _view(cloud: Cloud, rim: FaceRim, here: Bool) -> EndView:
     face = rim.face
     frames = np.flatnonzero(here & (face.count > LEAST_GROUPS) & (face.sxx > 0.0))
     if frames.size > SAMPLE_FRAMES:
@@ -338,7 +314,7 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool, in_pieces: bool) -> EndView:
     line = [face.x_mean[frames], face.z_mean[frames], slopes, rim.side[frames], rim.end_x_mm[frames]]
     line += [rim.step_mm[frames], rim.sense[frames]]
     x, z, keep = (as_input(of[frames]) for of in (cloud.x_mm, cloud.z_mm, cloud.keep))
-    known_line, last, further = as_input(np.stack(line, axis=1)), np.full((frames.size, 3), np.nan), 0.0
+    known_line, last, further = as_input(np.stack(line, axis=1)), np.full((frames.size, 2), np.nan), 0.0
     for _ in range(2):  # groups reach over what nearly all frames show broken, as far back as the face was straight
         edges = end_groups(min(width, DEEP_MM) / step + further)
         depth = np.full((frames.size, edges.size - 1), np.nan)
@@ -350,23 +326,17 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool, in_pieces: bool) -> EndView:
     depth = _between(depth[alike])
     mostly = np.append(np.isfinite(depth).mean(axis=0) > 0.5, False)
     depth = depth[:, : int(mostly.argmin())]
-    whole = np.isfinite(depth).all(axis=1)
-    depth = depth[whole]
+    depth = depth[np.isfinite(depth).all(axis=1)]
     is_shown = len(depth) >= LEAST_FRAMES and depth.shape[1] >= LEAST_GROUPS
     edges = edges[: depth.shape[1] + 1] if is_shown else edges[: LEAST_GROUPS + 1]
-    phase = None
-    if in_pieces and slope > 0.0 and is_shown and rim.from_corner_mm is not None:  # from below all of it is in view
-        low = rim.from_corner_mm[frames] + last[:, 2]
-        phase = _phases(low / rim.step_mm[frames], alike & np.isfinite(low))[alike][whole]
-    edges, known = _known_depths(depth, edges, step, phase) if is_shown else (edges, _nothing_known(edges.size - 1))
+    known = _known_depths(depth, edges * step) if is_shown else _nothing_known(edges.size - 1)
     moved = float(np.diff(np.percentile(rim.end_x_mm[frames], [5.0, 95.0]))[0]) * math.hypot(1.0, slope) / step
     further = float(last[alike, 0].mean())
     if not rim.on_line:  # a return under the line lies that much farther along the face
         further -= float(np.nanmean(last[alike, 1])) * slope / step
-    phases = end_phases(True, 12 // PIECES) if edges[1] < 1.0 else end_phases(moved > STILL)
-    moving = len(phases) == 1
+    moving = moved > STILL
     darkness = _darkness(cloud, face, frames) if moving else None  # else the end fills the same share of its pixel
-    return EndView(known, edges * step, math.atan(slope), step, phases, further, usual, darkness)
+    return EndView(known, edges * step, math.atan(slope), step, end_phases(moving), further, usual, darkness)
 
 
 def _darkness(cloud: Cloud, face: FaceLines, frames: Int) -> float | None:
@@ -388,9 +358,9 @@ def _recession(rim: FaceRim, frames: Int) -> Float:
     return np.asarray(rim.sense[frames] * rim.side[frames] * rim.face.sxz[frames] / rim.face.sxx[frames])
 
 
-def end_phases(moving: bool, places: int = 12) -> Float:
+def end_phases(moving: bool) -> Float:
     """Places (p, q) of the end within its column; p alike likely, each the mean over q: all in turn where it moves."""
-    return (np.arange(float(places))[None] + 0.5) / places if moving else (np.arange(6.0)[:, None] + 0.5) / 6.0
+    return (np.arange(12.0)[None] + 0.5) / 12.0 if moving else (np.arange(6.0)[:, None] + 0.5) / 6.0
 
 
 class SeenEnd(NamedTuple):
@@ -418,13 +388,11 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     rows = np.arange(size.size)
     alike = np.where(shown > 0.0, rows, np.ravel_multi_index((0, 0, pixel, phase, 0), grid))
     looks = np.flatnonzero(alike == rows)
-    order = looks[np.lexsort([of[looks] for of in (phase, incidence, pixel, turn, size)])]
+    order = looks[np.lexsort([of[looks] for of in (phase, incidence, pixel, size)])]
     looked = size[order], turn[order], incidence[order], pixel[order], phase[order], onward[order]
     fall, raised = rendered_end(view, *looked)
     seen, score = fall - raised, np.empty(order.size)
-    # What a break is beside its template lasts over a column.
-    alone = QUARTER * np.sqrt(np.maximum(view.step_mm / np.diff(view.edges_mm), 1.0))
-    _log_likelihoods(view.known.mean, view.known.noise + view.known.free, seen, alone * fall, score)
+    _log_likelihoods(view.known.mean, view.known.noise + view.known.free, seen, QUARTER * fall, score)
     rows[order] = np.arange(order.size)
     look, hidden = rows[alike], size - shown
     log = score[look]
@@ -572,8 +540,8 @@ def _group_of(place: float, edges: Float) -> int:
 def _last_returns(x: Float32, z: Float32, keep: Bool, known: Float, edges: Float, depth: Float, last: Float) -> None:
     """Fill depth (f, g): mean depths under the line of f frames' returns, by how many columns they lie before the last.
 
-    known (f, 7): x and z of the line's middle, its slope, side, end, step and sense of a FaceRim. last (f, 3): how many
-    lie beyond those on the line, how deep the last of these lies under it, and how far beyond the very last one lies.
+    known (f, 7): x and z of the line's middle, its slope, side, end, step and sense of a FaceRim. last (f, 2): how many
+    lie beyond those on the line, and how deep the last of these lies under it.
     """
     columns = x.shape[1]
     along, below, order = np.empty(columns), np.empty(columns), np.empty(columns, np.int64)
@@ -599,7 +567,6 @@ def _last_returns(x: Float32, z: Float32, keep: Bool, known: Float, edges: Float
         fallen = last[i, 1] if last[i, 1] > 0.0 else 0.0
         deep = STEP_MM + fallen
         last[i, 0], reach = _one_surface(along, below, order[:outside], step, fallen)
-        last[i, 2] = reach
         total, count = np.zeros(edges.size - 1), np.zeros(edges.size - 1)
         for j in range(columns):
             on_line = -edges[-1] * step < along[j] <= 1e-6
@@ -623,85 +590,25 @@ class Depths(NamedTuple):
     free: Shaped[Float, "g g"]
 
 
-def _known_depths(depth: Float, edges: Float, step: float, phase: Float | None) -> tuple[Float, Depths]:
-    """Of depths (f, g) of frames, between the limits (g + 1,) in columns before the last return; with their limits.
-
-    Where it is known by which phase (f,) of a column the end lies beyond the last return, the last columns are told in
-    pieces.
-    """
-    alike = _alike(_clipped(depth)[1])
-    if phase is not None:
-        depth, edges = _in_pieces(depth, edges, phase)
-    edges_mm = edges * step
-    mean, clipped = _clipped(depth)
-    off = np.nan_to_num(clipped - np.nanmean(clipped, axis=0)) / np.isfinite(depth).sum(axis=0)
-    noise = off.T @ off * alike
+def _known_depths(depth: Float, edges_mm: Float) -> Depths:
+    """Of depths (f, g) of frames, between the limits (g + 1,) mm before the last return."""
+    level = np.sort(depth, axis=0)
+    cut = len(depth) // 20
+    mean = level[cut : len(depth) - cut].mean(axis=0)
+    low, high = level[cut], level[len(depth) - 1 - cut]
+    clipped = np.clip(depth, low, high)
+    noise = np.cov(clipped.T) * _alike(clipped) / len(depth)
     middle = 0.5 * (edges_mm[1:] + edges_mm[:-1])
     t = 2.0 * middle / edges_mm[-1] - 1.0
     shapes = np.stack([np.ones_like(t), t, t * t - 1.0 / 3.0], axis=1)
-    inner = edges[:-1] >= min(LAST, edges[-5])
+    inner = np.arange(t.size) >= min(LAST, t.size - 4)
     weight = np.sqrt(np.diff(edges_mm)[inner])
     fit = np.linalg.lstsq(shapes[inner] * weight[:, None], mean[inner] * weight, rcond=None)[0]
     left = mean[inner] - shapes[inner] @ fit
     pattern = float((left**2 - np.diag(noise)[inner]).sum()) / max(int(inner.sum()) - 3, 1)
     far = np.abs(middle[:, None] - middle[None, :]) / (edges_mm[-1] / PATTERN_PLACES)
     noise = noise + max(pattern, 0.0) * np.exp(-far) + DEPTH_U_MM**2 * np.eye(t.size)
-    return edges, Depths(mean, noise, free_depths(edges_mm))
-
-
-def _clipped(depth: Float) -> tuple[Float, Float]:
-    """Means (g,) of depths (f, g) without the twentieths that lie deepest and highest; depths, these cut back."""
-    low, high = _between_shares(depth, 0.05)
-    inside = np.where((depth >= low) & (depth <= high), depth, np.nan)
-    return np.nanmean(inside, axis=0), np.clip(depth, low, high)
-
-
-def _between_shares(values: Float, share: float) -> tuple[Float, Float]:
-    """Values (g,) below and above which a share of those (f, g) lies that are known; NaN: not known."""
-    level, most = np.sort(values, axis=0), np.maximum(np.isfinite(values).sum(axis=0) - 1, 0)
-    cut = (share * (most + 1)).astype(np.int64)
-    each = np.arange(values.shape[1])
-    return level[cut, each], level[most - cut, each]
-
-
-def _in_pieces(depth: Float, edges: Float, phase: Float) -> tuple[Float, Float]:
-    """Depths of frames by PIECES of the last columns, as (f, g) before, NaN where another piece is shown; limits.
-
-    As they are where too few frames tell a piece.
-    """
-    piece = np.floor(phase * PIECES)
-    each = piece[:, None] == np.arange(PIECES)
-    if each.sum(axis=0).min() < LEAST_FRAMES:
-        return depth, edges
-    known = each.any(axis=1)
-    depth, each = depth[known], each[known]
-    last = np.where(each[:, None, :], depth[:, :CUT_COLUMNS, None], np.nan).reshape(len(depth), -1)
-    fine = np.arange(PIECES * CUT_COLUMNS) / PIECES
-    return np.concatenate([last, depth[:, CUT_COLUMNS:]], axis=1), np.concatenate([fine, edges[CUT_COLUMNS:]])
-
-
-def _phases(low: Float, on: Bool) -> Float:
-    """By how much of a column the end lies beyond the last returns (f,), at `low` (f,) columns; NaN: not known.
-
-    An end that runs smoothly lies beyond the last return of every frame, and within a column of it: frames beside each
-    other whose last returns spread over a column tell it.
-    """
-    out, at = np.full(low.size, np.nan), np.flatnonzero(on)
-    if at.size < 2 * BESIDE + 1:
-        return out
-    t, value = np.linspace(-1.0, 1.0, at.size), low[at]
-    good = np.ones(at.size, bool)
-    for _ in range(3):
-        course = np.polynomial.Chebyshev.fit(t[good], value[good], ORDER)(t)
-        good = np.abs(value - course - np.median((value - course)[good])) < 1.0
-        if good.sum() < 2 * BESIDE + 1:
-            return out
-    left = np.where(good, value - course, np.nan)
-    near = np.lib.stride_tricks.sliding_window_view(np.pad(left, BESIDE, mode="symmetric"), 2 * BESIDE + 1)
-    first, last = _between_shares(near.T, OUTER)
-    is_told = last - first > (1.0 - 2.0 * OUTER) * (1.0 - 1.0 / PIECES)
-    out[at] = np.where(is_told, 0.5 * (first + last + 1.0) - left, np.nan)
-    return out
+    return Depths(mean, noise, free_depths(edges_mm))
 
 
 def free_depths(edges_mm: Shaped[Float, " g1"]) -> Shaped[Float, "g g"]:
@@ -734,16 +641,12 @@ def _log_likelihoods(mean: Float, covariance: Float, expected: Float, u: Float, 
     """Fill in those (s,) of means (g,) with a covariance (g, g), by what is expected (s, g), each with its own u.
 
     Shapes reach from the last returns inwards: behind them nothing is expected, without u. The Cholesky rows of what
-    lies there stand first, and are kept from shape to shape. Shapes alike follow each other: most chamfers look the
-    same up to any greatest incidence.
+    lies there stand first, and are kept from shape to shape.
     """
     size = len(mean)
     lower, white, log = np.zeros((size, size)), np.empty(size), np.zeros(size + 1)
     same = 0  # rows behind the last shape
     for n in range(len(expected)):
-        if n > 0 and (expected[n] == expected[n - 1]).all() and (u[n] == u[n - 1]).all():
-            out[n] = out[n - 1]
-            continue
         behind = size
         for i in range(size):
             if u[n, i] != 0.0 or expected[n, i] != 0.0:

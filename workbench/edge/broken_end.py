@@ -320,8 +320,8 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool) -> EndView:
         depth = np.full((frames.size, edges.size - 1), np.nan)
         _last_returns(x, z, keep, known_line, as_input(edges), depth, last)
         further = float(np.percentile(last[:, 0], 5.0))
-    # The lower surface may return in a stretch of the edge alone: its frames say nothing of how the edge is broken.
-    usual = float(np.median(last[:, 0]))
+    # The lower surface may return in many of the frames: these say nothing of how the edge is broken.
+    usual = float(np.percentile(last[:, 0], 25.0))
     alike = last[:, 0] <= 2.0 * usual + ONWARD[-1]
     depth = _between(depth[alike])
     mostly = np.append(np.isfinite(depth).mean(axis=0) > 0.5, False)

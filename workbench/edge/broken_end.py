@@ -147,7 +147,9 @@ def broken_end(
         mine = here & (cloud.pass_index == p)
         mean, spread = beyond_of(share, one)
         odd = _odd_columns(view.known, share @ one.fall) * view.step_mm
-        beyond[mine], u[mine] = mean, math.hypot(spread, odd)
+        # No break reaches farther than its size: what does is another surface's.
+        other = max(mean - float(share @ templates.size_mm) - view.step_mm, 0.0)
+        beyond[mine], u[mine] = mean, math.hypot(spread, odd, other)
         deep = share @ one.fall > 3.0 * np.sqrt(np.diag(view.known.noise))
         rims.append(float(np.diff(view.edges_mm)[deep].sum()) * math.cos(view.inclination))
     size, rim_mm = (float(share @ templates.size_mm), max(rims)) if proven and seen else (0.0, 0.0)

@@ -1,4 +1,4 @@
-"""`python -m bench.metrology`: what the score does not tell: plans, measured loops, calibrations, stiffness."""
+"""`python -m bench.metrology`: what the score does not tell: plans, measured loops, calibrations, stiffness, joints."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import sys
 from functools import partial
 
 from bench.harness import kept, made_by
-from bench.metrology import calibration, instruments, measured_loop, planning, stiffness
+from bench.metrology import calibration, instruments, joints, measured_loop, planning, stiffness
 from bench.metrology.study import Condition, Row, Study, Task
 from bench.tables import folded, put_into
 
@@ -18,6 +18,7 @@ STUDIES: dict[str, Study] = {
     "calibration": calibration.STUDY,
     "instruments": instruments.STUDY,
     "stiffness": stiffness.STUDY,
+    "joints": joints.STUDY,
 }
 
 

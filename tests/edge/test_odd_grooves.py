@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.groove.__main__ import judged
+from bench.metrology.joints import STUDY
 from bench.odd_grooves import odd_groove
 from bench.odd_plates import Corners, Drawn, Lines
 from bench.outside import FAR_MM, Part, Usual, simulate
@@ -97,8 +97,8 @@ REFUSED = {"two bevel angles a side", "upper edges ground"}  # may be, as their 
     ],
 )
 def test_what_the_shop_floor_makes_of_a_groove_is_refused_or_right(shape: str, seed: int) -> None:
-    found = judged(("shop_floor", shape, seed))
-    assert found.word == "right" or (found.word == "refused" and shape in REFUSED)
+    row = STUDY.measured((f"shop_floor_{shape.replace(' ', '_')}", seed))
+    assert row.get("right") or ("refused" in row and shape in REFUSED), row
 
 
 def test_below_a_root_run_the_gap_is_not_told_and_the_bevels_are() -> None:

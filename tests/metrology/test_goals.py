@@ -35,6 +35,10 @@ def measured(seed: int) -> Row:
     return {name: [value] * 20 for name, value in places.items()} | {"seconds": {"milling": 2.0}}
 
 
+def joints(seed: int) -> Row:
+    return {"z": [0.4, 1.8, 0.9], "right": 1}
+
+
 def instruments(seed: int) -> Row:
     return {"z": [0.5, -1.5], "covered": seed % 20 != 0, "over_bound": [1.0, -0.9], "stated": [1.0, 1.0]}
 
@@ -46,6 +50,14 @@ CASES: dict[str, tuple[str, Callable[[int], Row], list[tuple[Values, str]]]] = {
         [({"vol_mm": 0.2}, "error over its bound"), ({"nees": 20.0}, "coverage of the ellipsoid")],
     ),
     "instruments": ("arm_sphere", instruments, [({"over_bound": [1.0, 2.0]}, "errors over their bound")]),
+    "joints": (
+        "prism_V",
+        joints,
+        [
+            ({"far": "gap_mm 3.4 u"}, "12 beyond 3 u"),
+            ({"taken": "taken for X"}, "12 taken for another type"),
+        ],
+    ),
     "stiffness": (
         "planned",
         stiffness,

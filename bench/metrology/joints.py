@@ -1,4 +1,4 @@
-"""`python -m bench.groove`: refusals, wrong types and errors of every size of drawn grooves and prepared plates.
+"""Grooves and prepared plates of four simulators: refusals, wrong types and errors of every size beside its u.
 
 Grooves: `swept` and `odd` of the swept simulator, `prism` of the package's, `shop_floor` of the third one
 (`bench.odd_grooves`), whose type is not asked for. Plates: `plate` and `odd_plate` of the swept simulator,
@@ -7,24 +7,20 @@ Grooves: `swept` and `odd` of the swept simulator, `prism` of the package's, `sh
 
 from __future__ import annotations
 
-import argparse
-from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from bench.drawn import grooves, preparations
-from bench.harness import each, made_by
+from bench.metrology.study import HEAD, Condition, Row, Study
 from bench.odd_grooves import SHAPES, exact, odd_groove, swapped
 from bench.simulators.swept import SweptRecipe, simulate_groove, simulate_swept
 from bench.simulators.swept.sweep import GROOVES
-from bench.tables import markdown
 from workbench.artefacts import SIZES, GrooveInspection, PreparationInspection, Recording, u_name
 from workbench.cloud import denoise
 from workbench.edge import segment_groove, segment_preparation
-from workbench.errors import WorkbenchError
 from workbench.inspect import groove as inspect_groove
 from workbench.inspect import preparation as inspect_preparation
 from workbench.scan import fuse
@@ -115,78 +111,57 @@ def errors(found: GrooveInspection | PreparationInspection, exact: Exact) -> Row
     return rows
 
 
-class Outcome(NamedTuple):
-    """Of one joint."""
-
-    name: str
-    kind: str
-    refused: str  # by which words
-    taken: str  # for which type that it is not
-    rows: Rows
-
-    @property
-    def word(self) -> str:
-        if self.refused or self.taken:
-            return "refused" if self.refused else "another type"
-        return "beyond 3 u" if self.far else "right"
-
-    @property
-    def far(self) -> dict[str, float]:
-        """Greatest error over u of the sizes beyond FAR."""
-        over = [(size, abs(error) / u) for size, error, u in self.rows if abs(error) > FAR * u]
-        return {size: max(z for name, z in over if name == size) for size, _ in over}
+CONDITIONS = {
+    f"{name}_{kind.replace(' ', '_')}": (draw, kind) for name, (kinds, draw) in JOINTS.items() for kind in kinds
+}
 
 
-def judged(task: tuple[str, str, int]) -> Outcome:
-    """Draw and measure a joint."""
-    name, kind, seed = task
-    told = f"{name} {kind} {seed}"
-    try:
-        joint = JOINTS[name][1](kind, seed)
-        found, rows = measured(joint)
-    except WorkbenchError as error:
-        return Outcome(told, f"{name} {kind}", str(error), "", [])
-    known = not joint.types or {found.type, *getattr(found, "alternatives", ())} & set(joint.types)
-    return Outcome(told, f"{name} {kind}", "", "" if known else found.type, rows)
+def measure(condition: str, seed: int) -> Row:
+    """Every error over its u; `taken`: for which type that it is not; `far`: the sizes beyond FAR, and how far."""
+    draw, kind = CONDITIONS[condition]
+    joint = draw(kind, seed)
+    found, rows = measured(joint)
+    if joint.types and not {found.type, *getattr(found, "alternatives", ())} & set(joint.types):
+        return {"taken": f"taken for {found.type}"}
+    z = [(size, abs(error) / u) for size, error, u in rows]
+    far = {size: max(v for name, v in z if name == size) for size, v in z if v > FAR}
+    told = {"far": ", ".join(f"{size} {v:.1f} u" for size, v in far.items())} if far else {"right": 1}
+    return {"z": [v for _, v in z]} | told
 
 
-def tables(found: Sequence[Outcome]) -> list[str]:
-    """How the joints of each kind ended, errors and standard uncertainties of each size, in mm or deg, and the far."""
-    words = ("right", "refused", "another type", "beyond 3 u")
-    ended = Counter((one.kind, one.word) for one in found)
-    kinds = dict.fromkeys(one.kind for one in found)
-    ends = markdown(["joint", *words], ([kind, *(str(ended[kind, word]) for word in words)] for kind in kinds))
-    rows = []
-    for size in dict.fromkeys(size for one in found if not one.taken for size, _, _ in one.rows):
-        error, u = np.array([row[1:] for one in found if not one.taken for row in one.rows if row[0] == size]).T
-        z = np.abs(error) / u
-        shown = [f"{value:.3f}" for value in (np.median(error), np.quantile(np.abs(error), 0.95), np.median(u))]
-        rows.append([f"`{size}`", str(z.size), *shown, f"{100 * np.mean(z <= 2):.1f}", f"{100 * np.mean(z > FAR):.1f}"])
-    head = ["size", "values", "median error", "p95 error", "median u", "within 2 u, %", "beyond 3 u, %"]
-    far = [f"- {o.name}: {', '.join(f'{s} {z:.1f} u' for s, z in o.far.items())}" for o in found if o.word == words[3]]
-    taken = [f"- {one.name}: taken for {one.taken}" for one in found if one.taken]
-    return [*ends, "", *markdown(head, rows), "", *far, *taken]
+def _percent(inside: Any) -> str:
+    return f"{100 * np.mean(inside):.1f}" if len(inside) else ""
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m bench.groove", description=__doc__)
-    parser.add_argument("--joints", nargs="+", choices=JOINTS, default=list(JOINTS))
-    parser.add_argument("--kinds", nargs="+", help="of them")
-    parser.add_argument("--parts", type=int, default=20, help="a kind")
-    parser.add_argument("--seed", type=int, default=0, help="of the first part")
-    parser.add_argument("--workers", type=int, default=2, help="processes (2)")
-    given = parser.parse_args()
-    tasks = [
-        (name, kind, seed)
-        for seed in range(given.seed, given.seed + given.parts)
-        for name in given.joints
-        for kind in JOINTS[name][0]
-        if not given.kinds or kind in given.kinds
-    ]
-    found = sorted(each(judged, tasks, given.workers, "joints"))
-    told = f"python -m bench.groove --joints {' '.join(given.joints)} --parts {given.parts} --seed {given.seed}"
-    kinds = f" --kinds {' '.join(given.kinds)}" if given.kinds else ""
-    print("\n".join([f"`{told}{kinds}`{made_by()}", "", *tables(found)]))
+def goals(c: Condition) -> Iterator[tuple[bool, str]]:
+    taken, far = len(c.having("taken")), len(c.having("far"))
+    yield taken > 0, f"{taken} taken for another type"
+    yield far > 0, f"{far} beyond {FAR:g} u"
+
+
+STUDY = Study(
+    conditions=tuple(CONDITIONS),
+    parts=20,
+    page="grooves.md",
+    measure=measure,
+    goals=goals,
+    outcomes=("refused", "crashed", "taken", "far"),
+    tables=(
+        (
+            "Joints",
+            (
+                *HEAD,
+                ("right", lambda c: len(c.having("right"))),
+                ("another type", lambda c: len(c.having("taken"))),
+                (f"beyond {FAR:g} u", lambda c: len(c.having("far"))),
+                ("values", lambda c: len(c.values("z"))),
+                ("within 2 u, %", lambda c: _percent(c.values("z") <= 2)),
+                (f"beyond {FAR:g} u, %", lambda c: _percent(c.values("z") > FAR)),
+            ),
+            None,
+        ),
+    ),
+)
 
 
 def _as_read(exact: dict[str, Float], kind: str, foot_radius_mm: float, found: str) -> dict[str, Float]:
@@ -205,7 +180,3 @@ def _as_read(exact: dict[str, Float], kind: str, foot_radius_mm: float, found: s
     reach = radius * np.tan((90.0 - exact["bevel_deg"]) * DEG / 2)
     sharp = exact["land_mm"] + (reach if kind == "J" else -reach)
     return exact | {"land_mm": sharp} | ({"root_radius_mm": radius} if found == "J" else {})
-
-
-if __name__ == "__main__":
-    main()

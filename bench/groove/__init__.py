@@ -1,1 +1,0 @@
-"""How far sizes of grooves and of prepared plates lie off, in mm, deg and standard uncertainties."""

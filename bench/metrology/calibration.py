@@ -1,6 +1,6 @@
 """Hand-eye calibration on simulated spheres, against the true pose and the Cramer-Rao bound.
 
-Beside it other methods on its circles, and planned postures beside random ones.
+Beside it planned postures beside random ones.
 """
 
 from __future__ import annotations
@@ -16,13 +16,11 @@ from scipy.stats import chi2
 from bench.drawn.spheres import DEGENERATE, SOUND, random_sphere_recipe
 from bench.metrology.sphere_truth import Cell, bound, cell_of, circles
 from bench.metrology.study import HEAD, NAME, PARTS, REFUSED, Condition, Row, Study, marked
-from bench.metrology.users import Clock
-from bench.peers.genetic import genetic_hand_eye
 from workbench.errors import WorkbenchError
 from workbench.geometry.poses import pose_from, rotation_from_quaternion, rotation_from_rpy, rotation_from_vector
 from workbench.plugins.calibration import circles as find_circles
-from workbench.plugins.calibration import hand_eye, methods
-from workbench.plugins.calibration.model import Estimate, Noise, Sphere, linearise, signed_centres
+from workbench.plugins.calibration import hand_eye
+from workbench.plugins.calibration.model import Estimate, Noise, Sphere, linearise
 from workbench.plugins.calibration.observations import Observations, by_pass, from_arrays
 from workbench.plugins.calibration.plan import (
     Limits,
@@ -75,19 +73,15 @@ def _from_circles(condition: str, recipe: SphereRecipe) -> Row:
     cell = cell_of(recipe)
     circle, covariance = circles(cell, np.random.default_rng([recipe.seed, 9]))
     seen = from_arrays(circle, covariance, recorded(recipe))
-    noise, clock = Noise(radius_mm=recipe.sphere.diameter_mm / 2, radius_u_mm=RADIUS_U_MM), Clock()
+    noise = Noise(radius_mm=recipe.sphere.diameter_mm / 2, radius_u_mm=RADIUS_U_MM)
     answer = solve(seen, noise, design_hand_eye(recipe))
-    clock.lap("solve")
     sound = np.array([not any(one.gross_mm) for one in recipe.passes])
-    row: Row = {"seconds": clock.laps}
-    row["bound_mm"] = cell.vol_u_mm(bound(cell.only(sound), covariance[sound], RADIUS_U_MM))
+    row: Row = {"bound_mm": cell.vol_u_mm(bound(cell.only(sound), covariance[sound], RADIUS_U_MM))}
     row |= _compare(cell, answer, seen, sound)
     if condition in ("sphere_systematic", "sphere_smooth"):
         other, _ = correlated(answer.found, answer.seen, noise)
         pose = pose_from(other.estimate.rotation, other.estimate.translation_mm)
         row |= {f"correlated_{name}": value for name, value in _errors(cell, pose, other.covariance[:6, :6]).items()}
-    if condition == "sphere_grid":
-        row["methods"] = compare_methods(recipe, cell, answer)
     return row
 
 
@@ -123,13 +117,12 @@ def _from_points(condition: str, recipe: SphereRecipe) -> Row:
     """From simulated profiles, as a user would: circles, then the hand-eye pose."""
     recording, truth = simulate_sphere(recipe)
     free = UNKNOWN_RADIUS_MM if condition == "sphere_stray" else RADIUS_U_MM
-    profiles, clock = find_circles(recording), Clock()
+    profiles = find_circles(recording)
     _, found, _ = hand_eye(profiles, recording, sphere_radius_u_mm=free)
-    clock.lap("solve")
     seen_frames = np.array([frames[0] for frames in found.frames])
     y, true_y = found.centre_mm[:, 1], truth.centre_mm[seen_frames, 1]
     cell = cell_of(recipe, truth).only(seen_frames)
-    row = {"seconds": clock.laps} | _errors(cell, found.hand_eye.flange_from_profiler, found.covariance)
+    row = _errors(cell, found.hand_eye.flange_from_profiler, found.covariance)
     row |= {
         "flagged": any("misfit" in words for words in found.warnings),
         "silently_wrong": row["wrong"] and not found.warnings,
@@ -152,22 +145,6 @@ def _from_points(condition: str, recipe: SphereRecipe) -> Row:
         "offset_bound_ms": 1e3 * float(np.sqrt(least[10, 10])),
         "offset_covered": bool(abs(offset_ms) < WITHIN * 1e3 * found.time_offset_u_s),
     }
-
-
-def compare_methods(recipe: SphereRecipe, cell: Cell, answer: Answer) -> dict[str, float]:
-    """vol of every method on the centres, signs and postures that the bundle has found, mm."""
-    fit, design = answer.found, design_hand_eye(recipe)
-    seen = answer.seen.subset(fit.used)
-    P = signed_centres(fit.estimate, linearise(fit.estimate, seen, fit.noise), seen)
-    centres = methods.Centres.seen_from(P, seen.here.base_from_flange)
-    start = pose_from(fit.estimate.rotation, fit.estimate.translation_mm)
-    ways = {
-        "analytic": methods.analytic(centres),
-        "GA": genetic_hand_eye(design, centres, np.random.default_rng(recipe.seed)),
-        "differential evolution": methods.genetic(design, centres, recipe.seed),
-        "bundle": start,
-    }
-    return {name: cell.vol_mm(pose) for name, pose in ways.items()}
 
 
 def measure_plan(recipe: SphereRecipe) -> Row:
@@ -242,7 +219,7 @@ COVER_GOAL = dict.fromkeys(("sphere_nine", "sphere_six", "sphere_stray", *SCANS)
 )
 CORRELATED_GOAL = (0.90, 0.98)
 FLAGGED_GOAL, GROSS_GOAL, PLAN_GOAL, OFFSET_GOAL, ROTATION_GOAL_DEG = 0.90, 1.1, 0.67, 1.15, 0.03
-NAMED = re.compile(r"do not determine the (translation|rotation|clock's offset)|distinct postures.*undetermined")
+NAMED = re.compile(r"do not determine the (translation|rotation|clock's offset)|distinct postures")
 
 
 def named(refusal: str) -> bool:
@@ -290,13 +267,6 @@ def offset_over_bound(c: Condition) -> float:
     return c.rms("offset_ms") / c.rms("offset_bound_ms")
 
 
-def _methods(c: Condition) -> str:
-    """RMS of each over the trials, over the bound."""
-    names = c.good[0]["methods"]
-    size = {name: np.sqrt(np.mean([row["methods"][name] ** 2 for row in c.good])) / c.rms("bound_mm") for name in names}
-    return ", ".join(f"{name} {value:.3f}" for name, value in size.items())
-
-
 def _has(name: str) -> Any:
     return lambda c: c.name not in DEGENERATE and len(c.values(name)) > 0
 
@@ -318,7 +288,6 @@ STUDY = Study(
                 ("stated u, mm", lambda c: f"{c.rms('u_mm'):.3f}"),
                 ("covers, % (95 % interval)", lambda c: c.share("nees", ELLIPSOID).beside(COVER_GOAL.get(c.name))),
                 ("wrong signs, silently wrong", lambda c: f"{c.total('wrong_sign')}, {c.total('silently_wrong')}"),
-                ("solve, ms (median)", lambda c: f"{1e3 * c.seconds():.1f}"),
             ),
             _has("nees"),
         ),
@@ -356,11 +325,6 @@ STUDY = Study(
                 ("vol RMSE, mm", lambda c: f"{c.rms('vol_mm'):.3f}"),
             ),
             _has("over_random"),
-        ),
-        (
-            "Methods side by side, all but the bundle given its signs and postures: vol over the bound",
-            (NAME, ("method", _methods)),
-            lambda c: bool(c.good and "methods" in c.good[0]),
         ),
         (
             "Sets that determine nothing",

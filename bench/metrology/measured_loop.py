@@ -14,7 +14,6 @@ from bench.drawn.plates import random_recipe
 from bench.drawn.seeds import generator
 from bench.harness import ROOT
 from bench.metrology.study import NAME, PARTS, REFUSED, Condition, Cover, Row, Study, cover, spread
-from bench.metrology.users import Clock, numbers
 from bench.score.face import rough_upper_side
 from workbench.api import forward_kinematics, jacobian_at, joint_axes
 from workbench.artefacts import Engagement, PathCorrection, PathDeflection, Requirements, Toolpath
@@ -94,9 +93,7 @@ def _any_direction(rng: np.random.Generator, most: float) -> Float:
 
 
 def _both_loops(recipe: Recipe, cell: Cell, errors: Errors) -> Row:
-    clock = Clock()
     recording, truth = simulate_recording(recipe)
-    clock.lap("simulation")
     cloud = denoise(fuse(recording))
     edge = segment_raw(cloud, upper_side=rough_upper_side(truth))
     first = feed(layers(edge, cloud, finish_allowance_mm=ALLOWANCE_MM), cloud, edge)
@@ -119,8 +116,7 @@ def _both_loops(recipe: Recipe, cell: Cell, errors: Errors) -> Row:
     if not gate.passed:
         return {"refused": f"path.check of the finishing pass: {gate.reason}"}
     done = milled_truth(_milled(rough, finishing, cell, errors, finishing=True))
-    clock.lap("loop")
-    return {"seconds": clock.laps} | compare(whole, done, correction, first)
+    return compare(whole, done, correction, first)
 
 
 def _milled(part: Workpiece, path: Toolpath, cell: Cell, errors: Errors, *, finishing: bool = False) -> Workpiece:
@@ -172,6 +168,11 @@ def compare(blind: Truth, done: Truth | None, correction: PathCorrection, first:
     if done is not None:
         columns |= {"root_mm": done.root_mm_at(at), "bevel_deg": done.bevel_deg_at(at)}
     return {name: numbers(column) for name, column in columns.items()}
+
+
+def numbers(values: Float) -> list[float | None]:
+    """As JSON has it: None for what is not finite."""
+    return [round(float(v), 6) if np.isfinite(v) else None for v in values]
 
 
 MM = 1000.0
@@ -290,7 +291,6 @@ STUDY = Study(
                 ("blind, abs(bevel - 40), deg", lambda c: spread(off(c, "bevel_blind_deg"), 3)),
                 (f"corrected, abs(bevel - 40), deg (goal {BEVEL_P95_DEG:g})", lambda c: spread(off(c, "bevel_deg"), 3)),
                 ("too deep: blind, corrected", lambda c: f"{blind_too_deep(c)}, {len(too_deep(c))}"),
-                ("s a part", lambda c: f"{c.seconds():.1f}"),
             ),
             None,
         ),

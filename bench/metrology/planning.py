@@ -10,7 +10,6 @@ from bench.drawn.plates import RAW_CONDITIONS, random_recipe
 from bench.metrology.places import clear_of_boundaries
 from bench.metrology.study import HEAD, Condition, Row, Study, marked, spread
 from bench.metrology.true_edge import true_edge_at
-from bench.metrology.users import Clock
 from bench.score.face import rough_upper_side
 from workbench.artefacts import Gate, Layer, RawEdge, Recording, Toolpath
 from workbench.cloud import denoise
@@ -35,15 +34,12 @@ MOST_SEEN = 0.6  # an edge that is seen on less may be refused (`least_seen_shar
 
 def measure(condition: str, seed: int) -> Row:
     """Errors of the final layer; those of the edge that it rests on are the score's (`bench.score`)."""
-    clock = Clock()
     recording, truth = simulate_recording(random_recipe(condition, seed))
-    row: Row = {"seen_share": float(truth.seen.mean()), "seconds": clock.laps}
-    clock.lap("simulation")
+    row: Row = {"seen_share": float(truth.seen.mean())}
     try:
         edge, toolpath, gate = plan_as_a_user(recording, truth)
     except WorkbenchError as error:
         return row | {"refused": str(error)}
-    clock.lap("plan")
     invented = int(clear_of_boundaries(truth, edge.position_mm[edge.seen])[1].sum())
     row |= {"rejected": None if gate.passed else gate.reason, "invented": invented}
     return row | compare_path(toolpath, truth)
@@ -159,7 +155,6 @@ STUDY = Study(
                 ("clear of hidden stretches: worst, share", lambda c: marked(c.worst("reachable_lost"), LOST_GOAL)),
                 ("wrong side", lambda c: c.total("wrong_side")),
                 ("cut, seen where hidden", lambda c: f"{c.total('blind')}, {c.total('invented')}"),
-                ("s a part (median)", lambda c: f"{c.seconds('simulation'):.2f}"),
             ),
             None,
         ),

@@ -144,11 +144,6 @@ class Condition:
     def total(self, name: str) -> int:
         return int(self.values(name).sum())
 
-    def seconds(self, *left_out: str) -> float:
-        """Median of a part, but for what is left out."""
-        taken = [sum(v for k, v in row["seconds"].items() if k not in left_out) for row in self.good]
-        return float(np.median(taken)) if taken else float("nan")
-
 
 Column = tuple[str, Callable[[Condition], object]]  # head, cell
 Table = tuple[str, Sequence[Column], Callable[[Condition], bool] | None]  # heading, columns, conditions of which (all)

@@ -10,24 +10,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from workbench.geometry.poses import pose_from, rotation_from_rpy, rpy_from_rotation
-from workbench.plugins.calibration.methods import BOX_MM, BOX_RAD, Centres, _Pairs
 from workbench.units import Float
 
 POPULATION, GENERATIONS = 100, 100
 MUTATED, BLEND = 0.1, 0.5
-
-
-def genetic_hand_eye(design: Float, seen: Centres, rng: np.random.Generator) -> Float:
-    """Hand-eye pose (4, 4) by the paper's two steps, its equations (6) and (8) put right, in a box about the design."""
-    pairs = _Pairs(seen)
-
-    def turn_cost(genes: Float) -> Float:
-        rotations = np.array([rotation_from_rpy(*one) for one in genes])
-        return np.asarray(np.sum(pairs.rotation_residual(rotations) ** 2, axis=1))
-
-    R = rotation_from_rpy(*evolve(turn_cost, np.array(rpy_from_rotation(design[:3, :3])), BOX_RAD, rng))
-    return pose_from(R, evolve(lambda genes: pairs.translation_cost(R, genes), design[:3, 3], BOX_MM, rng))
 
 
 def evolve(cost: Callable[[Float], Float], middle: Float, half: float, rng: np.random.Generator) -> Float:

@@ -47,11 +47,6 @@ def long_raw_edge(length_mm: float) -> tuple[RawEdge, Cloud]:
     return edge, cloud
 
 
-def section_frames(count: int) -> tuple[Float, Float, Float, Float]:
-    """Lower edge, t, n and m (count, 3) in the section planes of the first `count` frames."""
-    return _course((np.arange(count) + 0.5) * FRAME_PITCH_MM)
-
-
 def _course(s: Float) -> tuple[Float, Float, Float, Float]:
     """Lower edge, t, n and m (k, 3) at arc lengths s: the plate lies on the inner side of the arc."""
     angle, zero = s / RADIUS_MM, np.zeros_like(s)

@@ -11,10 +11,13 @@ import pytest
 
 from bench.confidently_wrong.kinds import KINDS
 from bench.drawn.plates import random_recipe
-from bench.metrology.users import inspect_as_a_user
+from bench.drawn.seeds import nominal_sizes
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
+from workbench.cloud import denoise
+from workbench.edge import segment
 from workbench.edge.faces import find_faces, rises_with_column
 from workbench.errors import InputError
+from workbench.scan import fuse
 from workbench.synthetic import raycast, simulate_recording
 from workbench.synthetic.scan import plan_motion, scan_pass
 from workbench.units import AnyArray, Int
@@ -144,4 +147,4 @@ def test_a_view_that_ends_on_the_root_face_exchanges_no_faces() -> None:
     recording, truth = simulate_recording(random_recipe("two_pass", 8_950_003))
     cropped = KINDS["view ends in the part, right"].spoil(recording, np.random.default_rng([8_950_000, 3]))
     with pytest.raises(InputError, match="frames do not agree which face is the root face"):
-        inspect_as_a_user(cropped, truth)
+        segment(denoise(fuse(cropped)), **nominal_sizes(truth.root_mm.mean(), truth.bevel_deg.mean()))

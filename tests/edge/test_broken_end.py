@@ -146,4 +146,4 @@ def test_a_lower_surface_that_returns_in_half_of_the_frames_is_not_the_root_face
     """Seen from below in a radius of 0.25 mm; its returns, up to 2 mm beyond the edge, were taken for its break."""
     found = one(("below", "triangulated", 9_643_006, tmp_path, "product")).found["root_mm"]
     assert np.abs(found.error / found.u).max() < 3.0
-    assert found.u.max() < 0.02
+    assert found.u.max() < 0.03

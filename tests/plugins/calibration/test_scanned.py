@@ -64,13 +64,13 @@ def off_axis(found: dict[str, Any]) -> Float:
 
 def test_the_axis_lies_within_what_scans_and_hand_eye_say(tmp_path: Path) -> None:
     chi = []
-    for seed in range(16):
+    for seed in range(8):
         rng = np.random.default_rng([seed, 3])
         found = calibrated(scanned(rng, on_table()), **files(tmp_path, rng))
         off = off_axis(found)
         chi.append(off @ np.linalg.solve(np.array(found["covariance"]), off))
         assert found["points"] == 3
-    assert 2.4 < np.mean(chi) < 5.8  # four degrees of freedom, sixteen tables: 4 +- 0.7
+    assert 2.4 < np.mean(chi) < 5.8  # four degrees of freedom, eight tables: 4 +- 1
 
 
 def test_what_the_hand_eye_leaves_open_is_in_u(tmp_path: Path) -> None:
@@ -99,7 +99,7 @@ def test_too_little_is_refused(tmp_path: Path, rows: list[str], words: str) -> N
 def test_a_tool_that_touches_scanned_references(tmp_path: Path) -> None:
     """The flange turns about one axis only: nothing but the references' places tells the tool along it."""
     chi, known = [], np.array([0.0, 0.0, 1.0])
-    for seed in range(16):
+    for seed in range(8):
         rng = np.random.default_rng([seed, 7])
         seen, given = scanned(rng, REFERENCES), files(tmp_path, rng)
         rows = [f"ball {k},{k * EACH + i}" for k in range(2) for i in range(EACH)]
@@ -114,7 +114,7 @@ def test_a_tool_that_touches_scanned_references(tmp_path: Path) -> None:
         places = [np.array(point["position_mm"]) for point in found["points"]]
         off = np.concatenate([place - true for place, true in zip(places, (TIP, SHANK), strict=True)])
         chi.append(off @ np.linalg.solve(np.array(found["covariance_mm2"]), off))
-    assert 4.0 < np.mean(chi) < 8.2  # six degrees of freedom, sixteen tools: 6 +- 0.9
+    assert 4.0 < np.mean(chi) < 8.2  # six degrees of freedom, eight tools: 6 +- 1.2
 
 
 def test_the_order_of_the_references_changes_nothing(tmp_path: Path) -> None:

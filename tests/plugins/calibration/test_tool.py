@@ -90,13 +90,13 @@ def test_a_ball_that_is_touched_keeps_the_tool_off(tmp_path: Path, known: bool, 
     """By both radii; without them the tool would be too long by as much. Along the tool, and from all sides."""
     header = "reference,tool_point,x_mm,y_mm,z_mm,qw,qx,qy,qz,stand_off_mm" + (",px_mm,py_mm,pz_mm" if known else "")
     rng, chi, path = np.random.default_rng(6), [], tmp_path / "balls.csv"
-    for _ in range(20):
+    for _ in range(12):
         path.write_text("\n".join([header, *ball_rows(rng, 30, 8.0, known, tilt)]) + "\n")
         found = calibrated(path, max_u_mm=10.0, reference_u_mm=0.001)
         off = np.array(found["points"][0]["position_mm"]) - TIP
         chi.append(off @ np.linalg.solve(np.array(found["points"][0]["covariance_mm2"]), off))
         assert found["left_out"] == []
-    assert 1.6 < np.mean(chi) < 4.6  # three degrees of freedom, twenty tools: 3 +- 0.55
+    assert 1.6 < np.mean(chi) < 4.6  # three degrees of freedom, twelve tools: 3 +- 0.7
 
 
 def test_a_distance_below_zero_is_refused(tmp_path: Path) -> None:
@@ -210,7 +210,7 @@ def turned(folder: Path, rows: list[str], **more: Any) -> dict[str, Any]:
 
 def test_a_turntables_axis_within_what_its_covariance_says(tmp_path: Path) -> None:
     rng, chi = np.random.default_rng(2), []
-    for _ in range(12):
+    for _ in range(6):
         found = turned(tmp_path, mark_rows(rng))
         point, across = np.array(found["axis_point_mm"]), np.array(found["across"])
         direction = np.array(found["axis_direction"])
@@ -222,7 +222,7 @@ def test_a_turntables_axis_within_what_its_covariance_says(tmp_path: Path) -> No
         assert pose[:3, :3] @ pose[:3, :3].T == pytest.approx(np.eye(3), abs=1e-9)
         assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
         assert pose[0, 0] > 0.99  # the frame hangs on the axis, not on where its search began
-    assert 2.0 < np.mean(chi) < 6.2  # four degrees of freedom
+    assert 2.6 < np.mean(chi) < 6.2  # four degrees of freedom
 
 
 def test_an_axis_that_points_down_is_told(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ def calibrated(drawn, condition="sphere_nine", **changes):
 
 def test_held_out_errors_are_as_large_as_expected():
     misfits, ratios = [], []
-    for seed in range(12):
+    for seed in range(8):
         profiles, recording = calibrated(seed)
         found, _ = validate(hand_eye(profiles, recording)[1], profiles, recording)
         misfits.append(found.misfit)

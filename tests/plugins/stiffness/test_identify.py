@@ -26,8 +26,8 @@ def test_exact_loads_give_table_2_exactly(identified: Any, exact: Any, targets: 
 
 
 def test_uncertainties_are_honest(identified: Any, noisy: Any) -> None:
-    """24 trials: the 95 % ellipsoid holds, and is no larger than it must be."""
-    trials = 24
+    """16 trials: the 95 % ellipsoid holds, and is no larger than it must be."""
+    trials = 16
     found = [identified(noisy(seed))[0] for seed in range(trials)]
     squares = [(one.nm_per_rad - K) @ np.linalg.solve(one.covariance, one.nm_per_rad - K) for one in found]
     assert np.mean(np.array(squares) < chi2.ppf(0.95, 6)) > 0.95 - 3.5 * np.sqrt(0.95 * 0.05 / trials)

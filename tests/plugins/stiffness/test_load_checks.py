@@ -35,16 +35,15 @@ def in_si(tests: Any, cell: Cell) -> Any:
 MISTAKES: list[tuple[str, int, Change, str]] = [
     ("signs", 0, scaled("wrench", slice(None), -1), "opposite signs"),
     ("p3z reversed", 4, scaled("moved", 8, -1), "column p3z_mm is of the wrong sign"),
-    ("rx in rad", 0, scaled("moved", 3, np.pi / 180), "column rx_deg is 57.296 times too small: in rad?"),
     ("ry in mrad", 0, scaled("moved", 4, 1e3 * np.pi / 180), "column ry_deg is 17.453 times too large: in mrad?"),
+    ("ry in rad", 0, scaled("moved", 4, np.pi / 180), "column ry_deg is 57.296 times too small: in rad?"),
     ("torques in kgf cm", 0, scaled("wrench", slice(3, 6), 10.1972), "tz_nm are 10.197 times too large: in kgf cm?"),
     ("all points in m", 4, scaled("moved", slice(None), 1e-3), "columns p1x_mm to p4z_mm are 1,000 times"),
     ("displacements in m and rad", 0, in_si, "displacements are in m and rad"),
-    ("wrench in kN and kNm", 0, scaled("wrench", slice(None), 1e-3), "wrench is 1,000 times too small"),
     ("wrench in base axes", 0, wrench_in_base, "wrench is in base axes"),
     ("angles in rad", 0, scaled("joints", slice(None), np.pi / 180), "joint angles are in rad"),
 ]
-SELDOM = dict.fromkeys(("ry in mrad", "all points in m", "wrench in kN and kNm"), pytest.mark.slow)  # as rx and torques
+SELDOM = dict.fromkeys(("ry in mrad", "all points in m"), pytest.mark.slow)  # as rad and torques
 
 
 @pytest.mark.parametrize(
@@ -54,7 +53,7 @@ def test_mistakes_are_named(
     identified: Any, cell: Cell, noisy: Any, targets: int, change: Change, message: str
 ) -> None:
     with pytest.raises(InputError) as caught:
-        identified(change(noisy(20, targets), cell))
+        identified(change(noisy(20, targets, 2), cell))  # of two load points
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
     assert len(str(caught.value).rpartition("loads.csv: ")[2]) <= 200
@@ -63,7 +62,7 @@ def test_mistakes_are_named(
 def test_another_convention_is_named(identified: Any, cell: Cell, noisy: Any) -> None:
     """The file holds the other reading of the paper's DH angles, taken for the angles of a robot with wide limits."""
     wide = dataclasses.replace(cell, chain=dataclasses.replace(cell.chain, limits=3.0 * cell.chain.limits))
-    tests = noisy(20)
+    tests = noisy(20, 0, 2)
     other = dataclasses.replace(tests, joints=tests.joints + np.radians([0, 90, 0, 0, 0, 0]))
     with pytest.raises(InputError, match="angle_convention to 'dh_same_sense'"):
         identified(other, wide)
@@ -77,7 +76,6 @@ def test_columns_of_zeros_are_refused(identified: Any, cell: Cell, noisy: Any, p
 
 @pytest.mark.parametrize("targets", [0, 4])
 def test_no_sound_set_is_refused(identified: Any, noisy: Any, targets: int) -> None:
-    for seed in range(30, 33):
-        found, _ = identified(noisy(seed, targets))
-        assert found.loads >= 71
-        assert found.warnings == ()
+    found, _ = identified(noisy(30, targets))
+    assert found.loads >= 71
+    assert found.warnings == ()

@@ -294,18 +294,8 @@ def vibration(rng: Generator, document: Document) -> None:
     document["robot"]["vibration_mm"] = 0.05
 
 
-def limit(rng: Generator, document: Document) -> None:
-    """One characteristic within 0.03 mm or 0.15 deg of a limit of +-0.5 mm or +-1 deg, the other well inside."""
-    paper(rng, document)
-    side = float(rng.choice([-1, 1]))
-    if rng.random() < 0.5:
-        document["part"]["root_mm"] = draw_course(rng, 1.5 + side * (0.5 + rng.uniform(-0.03, 0.03)), 0.01, 0.005)
-    else:
-        document["part"]["bevel_deg"] = draw_course(rng, 40 + side * (1 + rng.uniform(-0.15, 0.15)), 0.05, 0.02)
-
-
 _NAMED = (paper, arc, wavy, oblique, two_pass, reversed, partial_view, coarse, noisy, correlated, robot_error, clamps)
-CONDITIONS: dict[str, Condition] = {c.__name__: c for c in (*_NAMED, vibration, limit)}
+CONDITIONS: dict[str, Condition] = {c.__name__: c for c in (*_NAMED, vibration)}
 CONDITIONS |= {"straight": as_is, "outliers_5": outliers, "missing_20": missing}
 
 

@@ -19,6 +19,7 @@ from workbench.units import Float
 
 CPU_SECONDS, BYTES_A_SECOND = 8, 200_000  # what a reader may take: at least, and for each so many bytes one more
 PCD_LINE = 65_536  # bytes, of a header's line
+LAS_RECORD_BYTES = 54  # of a record's own header: ASPRS LAS 1.4, table 4
 NUMBER = r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)"
 READING = re.compile(rf"\bX={NUMBER}\s+Y={NUMBER}\s+Z={NUMBER}")
 OF_UNIT = re.compile(r"\s*[\[(].*[\])]$|_\w+$")  # behind a column's name
@@ -111,7 +112,10 @@ def _table(file: str) -> Float:
 
 def _las(file: str) -> Float:
     laspy = library("laspy")
-
+    with open(file, "rb") as header:
+        records = int.from_bytes(header.read(104)[100:], "little")
+    if records * LAS_RECORD_BYTES > os.path.getsize(file):  # laspy would read them one by one
+        raise ValueError(f"{records} records of variable length are declared, which need more bytes than are there")
     with laspy.open(file) as reader:
         whole, points = reader.header.point_count, reader.read()
     if len(points) != whole:

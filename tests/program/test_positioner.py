@@ -200,8 +200,9 @@ def test_every_language_says_both_axes(tmp_path: Path, dialect: str) -> None:
 def test_the_tilt_is_the_best_of_all_that_were_asked_for(plain: Any) -> None:
     """Each tilt alone, by a cell whose table stands as tilted by it: none is better, one is equal."""
     cell, plan, *_ = plain
-    found = planned(cell, plan, tilt_step_deg=60.0)[2]["constant"]
-    alone = {tilt: planned(cell, plan, tilt_deg=(tilt, tilt))[2]["constant"]["mean_awkwardness"] for tilt in (-30, 30)}
+    found = planned(cell, plan, tilt_step_deg=60.0, step_deg=30.0)[2]["constant"]
+    each = {tilt: planned(cell, plan, tilt_deg=(tilt, tilt), step_deg=30.0)[2]["constant"] for tilt in (-30, 30)}
+    alone = {tilt: one["mean_awkwardness"] for tilt, one in each.items()}
     assert found["mean_awkwardness"] == pytest.approx(min(alone.values()))
     assert alone[round(found["tilt_deg"])] == min(alone.values())
 

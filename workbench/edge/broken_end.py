@@ -279,7 +279,7 @@ class EndView(NamedTuple):
     step_mm: float
     phases: Shaped[Float, "p q"]  # places of the end within its column; p alike likely, each the mean over q
     further: float  # columns beyond the line's end in which returns go on, on average
-    usually_further: float  # the same in the median frame
+    usually_further: float  # the same in the lower quartile of the frames
     darkness: float | None = None  # light that the sensor asks for, of what the face returns; None: not recorded
 
     @property

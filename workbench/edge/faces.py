@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.checks.sensor import PACKED, is_packed
-from workbench.edge.identify import Candidate, candidates, contradicted, readings_apart, vote, votes
+from workbench.edge.identify import CONTEXT, Candidate, candidates, contradicted, readings_apart, vote, votes
 from workbench.edge.raw_direction import across_the_edge
 from workbench.errors import InputError
 from workbench.geometry import tracking
@@ -206,13 +206,20 @@ def _common_up(cloud: Cloud, passes: Sequence[slice | Int], first: Sequence[Read
     """What one pass leaves open, another tells."""
     read = [(one, cloud.base_from_profiler[frames][keys]) for frames, (keys, one) in zip(passes, first, strict=True)]
     ups = np.array([_mean_up(*one) for one in read])
-    alike = np.linalg.norm(ups, axis=1) > TOGETHER
-    if alike.sum() < 2 or (ups[alike] @ ups[alike][0] > 0.0).all():
+    ups = ups[np.linalg.norm(ups, axis=1) > TOGETHER]
+    if (ups @ ups.T > 0.0).all():
         return _CommonUp()
-    told = np.array([sum(max(votes(_rising(*one, up)).values(), default=0.0) for one in read) for up in ups[alike]])
-    best = ups[alike][told.argmax()]
-    other = told[ups[alike] @ best < 0.0].max()
-    return _CommonUp(best, float(told.max() - other) / sum(len(one) for one, _ in read))
+    told = np.array([[_most_votes(_rising(*one, up)) for one in read] for up in [*ups, None]])
+    total = told[:-1].sum(axis=1)
+    best = int(total.argmax())
+    if (told[-1] - told[best] > [CONTEXT * len(one) for one, _ in read]).any():  # it turns along the edge
+        return _CommonUp()
+    other = total[ups @ ups[best] < 0.0].max(initial=0.0)
+    return _CommonUp(ups[best], float(total[best] - other) / sum(len(one) for one, _ in read))
+
+
+def _most_votes(readings: list[list[Candidate]]) -> float:
+    return max(votes(readings).values(), default=0.0)
 
 
 def _mean_up(readings: list[list[Candidate]], poses: Float) -> Float:

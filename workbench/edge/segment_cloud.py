@@ -119,8 +119,8 @@ def segment_cloud(
         >>> round(float(milled.arc_length_mm[-1]))
         77
     """
+    _check_extent(points)
     with _rounding_told(points):
-        _check_extent(points)
         recovered = recovered_grid(points) if use_order else None
         if upper_side is not None:
             if recovered is None:

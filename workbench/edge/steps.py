@@ -204,7 +204,10 @@ def _stretches(cells: _Cells, chance: Float, out: Float, height: Float, reach: I
     is none of it. One height, exponential before, is integrated out; height (c, n): its mean. reach (c,): how many of
     the lengths are worth a look: beyond, what is off the face had better end, or begin later.
     """
-    size, most = cells.off.size, math.log(FULL / OFF_MM)
+    size, most, highest = cells.off.size, math.log(FULL / OFF_MM), 0.0
+    for off in cells.off:
+        highest = max(highest, off)
+    least = NIL - highest / OFF_MM  # what a height costs is no reason to end
     for b in range(size):
         ragged, weight, total, square = cells.first[b] - cells.further[b], 0.0, 0.0, 0.0
         own, best = 0.0, 0.0
@@ -230,7 +233,7 @@ def _stretches(cells: _Cells, chance: Float, out: Float, height: Float, reach: I
             own += cells.clean[c]
             likelier = max(out[0, b, within], out[1, b, within]) - own
             best = max(best, likelier)
-            if likelier < best + NIL:
+            if likelier < best + least:
                 break
 
 

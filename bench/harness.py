@@ -39,11 +39,19 @@ def _results(measure: Callable[[T], R], tasks: Sequence[T], workers: int) -> Ite
         yield from map(measure, tasks)
         return
     os.environ.update(dict.fromkeys(THREADS, "1"))
-    if measure.__module__ == "__main__":  # of `python -m`: a spawned process knows it by the module's own name
-        here = importlib.import_module(sys.modules["__main__"].__spec__.name)  # type: ignore[union-attr]
-        measure = getattr(here, measure.__name__)
+    measure = _by_name(measure)
     with multiprocessing.get_context("spawn").Pool(workers, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
         yield from pool.imap_unordered(measure, tasks)
+
+
+def _by_name(measure: Any) -> Any:
+    """The same by its module's own name, which a process spawned of `python -m` knows; in partials, too."""
+    if isinstance(measure, partial):
+        return partial(*map(_by_name, (measure.func, *measure.args)), **measure.keywords)
+    if getattr(measure, "__module__", "") != "__main__":
+        return measure
+    here = importlib.import_module(sys.modules["__main__"].__spec__.name)  # type: ignore[union-attr]
+    return getattr(here, measure.__name__)
 
 
 def kept(name: str, measure: Callable[[Any], Any], tasks: Sequence[Any], workers: int = 1) -> list[Any]:

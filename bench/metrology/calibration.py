@@ -219,7 +219,7 @@ COVER_GOAL = dict.fromkeys(("sphere_nine", "sphere_six", "sphere_stray", *SCANS)
 )
 CORRELATED_GOAL = (0.90, 0.98)
 FLAGGED_GOAL, GROSS_GOAL, PLAN_GOAL, OFFSET_GOAL, ROTATION_GOAL_DEG = 0.90, 1.1, 0.67, 1.15, 0.03
-NAMED = re.compile(r"do not determine the (translation|rotation|clock's offset)|distinct postures")
+NAMED = re.compile(r"do not determine the (translation|rotation|clock's offset)|distinct postures.*undetermined")
 
 
 def named(refusal: str) -> bool:

@@ -21,12 +21,12 @@ def measured(kind: str, seed: int, is_raw: bool) -> Result:
     return alone(plain(KINDS[kind](seed, is_raw, rng), is_raw))
 
 
-def worst(found: Result) -> float:
-    """Greatest error over u, of errors that matter. Where an encoder slips, the heading is off by up to 6.7 u."""
+def worst(found: Result, *besides: str) -> float:
+    """Greatest error over u, of errors that matter, of all but some sizes."""
     over = (
         np.abs(one.error / one.u)[np.abs(one.error) > FLOOR[name.rpartition("_")[2]]]
         for name, one in found.found.items()
-        if name != "heading_deg"
+        if name not in besides
     )
     return max(float(one.max(initial=0.0)) for one in over)
 
@@ -53,7 +53,8 @@ def test_what_was_confidently_wrong_is_within_its_uncertainty(kind: str, seed: i
     (name,) = [one for one in KINDS if kind in one]
     found = measured(name, seed, is_raw)
     assert not found.refused
-    assert 0.5 < worst(found) < 3.0
+    # Where an encoder slips, the heading of a raw edge is off by up to 6.7 u: its course follows the step.
+    assert 0.5 < worst(found, *(["heading_deg"] if kind == "slips" else [])) < 3.0
 
 
 def test_frames_that_alternate_are_no_smoothing_filter() -> None:

@@ -60,6 +60,30 @@ def test_superseded_results_stand_aside_in_order(tmp_path: Path) -> None:
     assert out.supersede() is None
 
 
+def test_a_strangers_file_beside_a_run_s_results_stays_where_a_run_fails(tmp_path: Path) -> None:
+    out = OutputDirectory(tmp_path)
+    out.publish(OLD)
+    (tmp_path / "handeye.json").write_bytes(b"mine")
+    assert out.supersede() is not None
+    assert (tmp_path / "handeye.json").read_bytes() == b"mine"
+
+
+def test_a_run_replaces_no_result_that_it_reads(tmp_path: Path) -> None:
+    out = OutputDirectory(tmp_path)
+    out.publish(OLD)
+    (name,) = [name for name in OLD if name != "run.json"][:1]
+    (tmp_path / "part.h5").write_bytes(b"mine")
+    with out.reserved([tmp_path / "part.h5"]):
+        pass
+    with (
+        pytest.raises(OutputError, match=rf"{name}: is a result of the run before") as told,
+        out.reserved([Path(os.path.relpath(tmp_path / name))]),
+    ):
+        pass
+    assert not told.value.supersedes
+    assert tree(tmp_path) == OLD | {"part.h5": b"mine"}
+
+
 def test_results_without_a_run_json_are_results_still(tmp_path: Path) -> None:
     (tmp_path / "inspection.json").write_bytes(b"old")
     (tmp_path / "run.json").write_bytes(b"{broken")

@@ -172,8 +172,11 @@ class OutputDirectory:
         self.path, self._exists = Path(path), exists
 
     @contextmanager
-    def reserved(self) -> Iterator[None]:
-        """For the length of a run: does it take files, or can it be made? Nobody else writes there meanwhile."""
+    def reserved(self, inputs: Iterable[Path] = ()) -> Iterator[None]:
+        """For the length of a run: does it take files, or can it be made? Nobody else writes there meanwhile.
+
+        inputs: paths of files that the run reads.
+        """
         with self._errors():
             place = self._place()
             with tempfile.TemporaryFile(dir=place) as probe:
@@ -184,6 +187,7 @@ class OutputDirectory:
                 if place == self.path and not self._exists:
                     clear_lock(self._lock_beside(self.path.parent))
                 self._refuse_foreign(RESULT_NAMES)
+                self._refuse_own(inputs)
             yield
 
     def publish(self, files: Mapping[str, bytes], *, over: str = "") -> tuple[Path, ...]:
@@ -266,8 +270,8 @@ class OutputDirectory:
         exchange(staged, self.path, self._there(self._listed()), names)
 
     def _results(self) -> list[str]:
-        """Names of the results that stand there: the contract's, and those that its run.json lists."""
-        return self._there([*RESULT_NAMES, *self._listed()])
+        """Names of the results that stand there: those that its run.json lists; without one, the contract's."""
+        return self._there(self._listed() or RESULT_NAMES)
 
     def _there(self, names: Iterable[str]) -> list[str]:
         return [name for name in dict.fromkeys(names) if (self.path / name).is_file()]
@@ -284,9 +288,17 @@ class OutputDirectory:
         for name in set(self._there(names)) - set(self._listed()):
             raise ForeignFileError(
                 str(self.path / name),
-                "no run has written it (no run.json lists it), and a result would replace it; move it, or choose "
-                "another --out",
+                "no run has written it (no run.json lists it), and it would pass for a result of this one; move it, or "
+                "choose another --out",
             )
+
+    def _refuse_own(self, inputs: Iterable[Path]) -> None:
+        """A result of the run before that this one reads: it would go with that run's set."""
+        own = {(self.path / name).resolve() for name in self._there(self._listed())}
+        for path in inputs:
+            if path.resolve() in own:
+                why = "is a result of the run before in this --out, which goes with it; choose another --out"
+                raise ForeignFileError(str(path), why)
 
     @contextmanager
     def _errors(self) -> Iterator[None]:

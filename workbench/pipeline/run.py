@@ -141,7 +141,7 @@ class Pipeline:
         if out is None:
             return run_plan(checked, reporter or Reporter(), kept)
         target = OutputDirectory(out)
-        with target.reserved():
+        with target.reserved(record.path for step in checked.steps for record in step.files):
             results = run_plan(checked, reporter or Reporter(), kept)
             results.files = target.publish(run_files(checked, results))
         return results

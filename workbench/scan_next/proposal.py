@@ -45,6 +45,8 @@ class Size(NamedTuple):
         """
         u, guard = min(u, self.u), guard_factor * min(reserve * u, self.u)
         low, high = self.low + guard, self.high - guard
+        if high <= low:
+            return 0.0, 0.0
         if math.isinf(self.u):
             return max(high - low, 0.0) / (self.high - self.low), 0.0
         learned = math.sqrt(max(self.u**2 - u**2, 1e-24))
@@ -58,7 +60,7 @@ class Size(NamedTuple):
     def needed(self, guard_factor: float) -> float:
         """U (k = 2) that decides, if the value stays; of what was not measured: a tenth of the tolerance's width."""
         if math.isinf(self.u):
-            return 0.1 * (self.high - self.low)
+            return max(0.1 * (self.high - self.low), 1e-9)
         margin = min(abs(self.value - self.low), abs(self.high - self.value))
         return max(COVERAGE * margin / max(guard_factor, 1e-9), 1e-9)
 
@@ -242,10 +244,10 @@ def _sentence(best: Proposal, left: Sequence[Open], chance: dict[int, float], st
     if not left:
         return f"{pass_}, and the lower surface is in view." if best.shows_below else f"{pass_}; conditions remain."
     sure = sum(one >= SURE for one in chance.values())
-    told = (
-        f"{pass_}. It will decide {sure} of {len(left)} undecided sections, and as sizes will move by what it tells, "
-        f"probably {max(sum(chance.values()), sure):.0f}"
-    )
+    likely = max(math.floor(sum(chance.values())), sure)
+    certain = f"It will decide {sure} of {len(left)} undecided sections, and" if sure else "It will decide,"
+    told = f"{pass_}. {certain} as sizes will move by what it tells, probably {likely}"
+    told += "" if sure else f" of {len(left)} undecided sections"
     rest = [one for one in left if chance[one.section] < LIKELY]
     if not rest:
         return f"{told}."

@@ -61,7 +61,8 @@ def check_postures(flange: Flange, where: str, what: str, because: str = "") -> 
         raise InputError(
             where,
             f"expected at least {MIN_POSTURES} distinct postures that see the {what}, found {count} in {len(poses)} "
-            f"passes: turn the flange about two axes and move the {what} through the field of view{because}",
+            f"passes: hand-eye pose and {what} stay undetermined; turn the flange about two axes and move the {what} "
+            f"through the field of view{because}",
         )
 
 

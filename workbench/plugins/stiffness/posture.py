@@ -130,8 +130,8 @@ def posture(
         planned_tilt_deg: likewise of its tilt.
         whole_map: false: cells worse than the optimum are not examined for collision.
         map_step_deg: of the map's grid, if larger; each free cell takes about 2 ms.
-        least_margin: with modes: least ratio of unstable depth, less U, to the depth; without one the gate rejects the
-            path.
+        least_margin: with modes: least ratio of unstable depth, less U, to the depth; if no posture has it the gate
+            rejects the path.
         stations: number of places at which that is judged.
 
     Raises:

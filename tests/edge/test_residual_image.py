@@ -12,10 +12,10 @@ import pytest
 from bench.outside import Part, Usual, drawn_section, simulate
 from tests.edge.test_broken_end import measured
 from workbench.artefacts import FORM
-from workbench.edge.residual_image import FaceImage, Linearity, forms
+from workbench.edge.residual_image import FaceImage, Linearity, SeenBy, forms
 from workbench.errors import WorkbenchError
 from workbench.result_files import SensorFile
-from workbench.units import DEG
+from workbench.units import DEG, Float
 
 WALKING = (45, 51, 58, 60)  # the first of seed 40 and on whose sensor walks
 QUIET = (40, 49)  # some whose noise is 0.005 mm or less
@@ -79,15 +79,25 @@ def test_a_sensor_file_may_say_more(tmp_path: Path) -> None:
     assert SensorFile.read(file).noise_mm == 0.01
 
 
+PLACE_MM = np.linspace(-0.75, 0.75, 16)
+
+
+def image_of(mean: Float, *passes: SeenBy) -> FaceImage:
+    """A face without lean, of whose places each stretch (k, 16) leaves so much beside 1 um of noise."""
+    count = len(mean)
+    noise = np.broadcast_to(1e-6 * np.eye(16), (count, 16, 16))
+    of_pass = np.arange(count) if passes else np.zeros(count, int)
+    return FaceImage(np.zeros(count), mean, noise, PLACE_MM, np.ones(count), of_pass, passes=passes)
+
+
 @pytest.mark.parametrize(("begin", "end", "end_mm"), [(9, 16, 0.03), (5, 9, 0.0), (0, 4, 0.03)])
 def test_the_line_goes_without_a_part_that_stands_aside(begin: int, end: int, end_mm: float) -> None:
     """A step, a second return in the middle; an end of the face is that of the part there, or not: half of it in u."""
-    place_mm = np.linspace(-0.75, 0.75, 16)
+    place_mm = PLACE_MM
     part = np.where((np.arange(16) >= begin) & (np.arange(16) < end), 0.06, 0.0)
     line = np.polynomial.Polynomial.fit(place_mm, part, 1).convert()
     noise = np.random.default_rng(5).normal(0.0, 1e-3, 16)
-    image = FaceImage(np.zeros(1), (part + noise - line(place_mm))[None], 1e-6 * np.eye(16)[None], place_mm, 1.0)
-    form = forms([image], np.zeros(1), Linearity())[0]
+    form = forms([image_of((part + noise - line(place_mm))[None])], np.zeros(1), Linearity())[0]
     assert form.turn[0] == pytest.approx(line.coef[1], abs=1e-3)
     assert form.turn_u[0] < 0.5 * DEG
     side = form.lower_u_mm if end == 16 else form.upper_u_mm
@@ -95,8 +105,26 @@ def test_the_line_goes_without_a_part_that_stands_aside(begin: int, end: int, en
 
 
 def test_noise_alone_turns_no_line() -> None:
-    place_mm, rng = np.linspace(-0.75, 0.75, 16), np.random.default_rng(6)
+    rng = np.random.default_rng(6)
     for _ in range(20):
-        image = FaceImage(np.zeros(1), rng.normal(0.0, 1e-3, (1, 16)), 1e-6 * np.eye(16)[None], place_mm, 1.0)
-        form = forms([image], np.zeros(1), Linearity())[0]
+        form = forms([image_of(rng.normal(0.0, 1e-3, (1, 16)))], np.zeros(1), Linearity())[0]
         assert abs(form.turn[0]) < 0.1 * form.turn_u[0]
+
+
+@pytest.mark.parametrize(("apart_mm", "share"), [(0.0, 1.0), (10.0, np.sqrt(0.5))])
+def test_passes_average_what_the_sensor_errs_by_other_columns(apart_mm: float, share: float) -> None:
+    linearity, nothing = Linearity(0.02, 1.0), np.zeros((2, 16))
+    one = forms([image_of(nothing[:1])], np.zeros(1), linearity)[0]
+    passes = [SeenBy(-1.0, 1.0, PLACE_MM + off) for off in (0.0, apart_mm)]
+    both = forms([image_of(nothing, *passes)], np.zeros(1), linearity)[0]
+    for name in ("turn_u", "lower_u_mm", "upper_u_mm"):
+        assert getattr(both, name)[0] == pytest.approx(share * getattr(one, name)[0], rel=0.03), name
+
+
+def test_passes_do_not_average_what_lasts_of_a_face() -> None:
+    """As uncertain as by one pass; more of the same tells only how strong it is."""
+    bow = 0.02 * np.stack([PLACE_MM**2 - (PLACE_MM**2).mean()] * 2)
+    one = forms([image_of(bow[:1])], np.zeros(1), Linearity(0.0))[0]
+    passes = [SeenBy(-1.0, 1.0, PLACE_MM + off) for off in (0.0, 10.0)]
+    both = forms([image_of(bow, *passes)], np.zeros(1), Linearity(0.0))[0]
+    assert both.turn_u[0] == pytest.approx(one.turn_u[0], rel=0.15)

@@ -99,15 +99,25 @@ class FaceForm:
         return np.sqrt(0.5 * (self.lower_u_mm**2 + self.upper_u_mm**2))
 
 
+class SeenBy(NamedTuple):
+    """A pass that sees a face."""
+
+    first_mm: float  # along the edge, from where
+    last_mm: float
+    column_mm: Shaped[Float, " p"]  # lateral places of the sensor that see the places on the face
+
+
 class FaceImage(NamedTuple):
-    """The residual image of one face, averaged over the frames of each of k stretches of edge."""
+    """The residual image of one face, averaged over the frames of each of k stretches of edge, pass by pass."""
 
     s: Shaped[Float, " k"]  # mm
     mean: Shaped[Float, "k p"]  # across the face, mm
     noise: Shaped[Float, "k p p"]  # its covariance, mm^2
     place_mm: Shaped[Float, " p"]  # along the face from its middle, towards its lower end
-    lean: float  # mm along the face by mm of the sensor's lateral axis
+    lean: Shaped[Float, " k"]  # mm along the face by mm of the sensor's lateral axis
+    of_pass: Shaped[Int, " k"]  # number of the pass of each stretch
     wide: int = 1  # columns a place
+    passes: tuple[SeenBy, ...] = ()  # (): one, all along
     # What places leave by the sensor's columns, as wide as the places of the image that is given; None: too few.
     by_columns: Callable[[FaceImage], FaceImage | None] = lambda _: None
 
@@ -147,18 +157,27 @@ def face_image(
     total = np.bincount(key, off[frame, column], minlength=frames.size * places).reshape(-1, places)
     value = np.where(count > 0, total / np.maximum(count, 1), np.nan)
     width = 2.0 * half / places
-    image = _pooled(value, s_frames[frames], (np.arange(places) + 0.5 - 0.5 * places) * width, float(np.median(lean)))
+    place_mm, s = (np.arange(places) + 0.5 - 0.5 * places) * width, s_frames[frames]
+    known, group = np.unique(cloud.pass_index[frames], return_inverse=True)
+    image = _pooled(value, s, place_mm, lean, group)
     if image is None:
         return None
-    mean = np.stack([np.interp(s_frames[frames], image.s, of) for of in image.mean.T], axis=1)
+    mean, passes = np.full(value.shape, np.nan), []
+    for number in range(known.size):
+        here, mine = group == number, image.of_pass == number
+        if mine.any():
+            mean[here] = np.stack([np.interp(s[here], image.s[mine], of) for of in image.mean[mine].T], axis=1)
+        middle, sense = np.median(face.x_mean[frames][here]), np.median(side[frames][here])
+        passes.append(SeenBy(s[here].min(), s[here].max(), middle + sense * place_mm))
     left = np.full(on.shape, np.nan)
     left[frame, column] = off[frame, column] - mean[frame, place[frame, column].astype(np.int64)]
     often = on.sum(axis=0) >= OFTEN * frames.size
     wide = max(1, round(float(np.median(on.sum(axis=1))) / places))
-    return image._replace(wide=wide, by_columns=partial(_patches, left[:, often], width / wide, image.lean))
+    by_columns = partial(_patches, left[:, often], width / wide, lean)
+    return image._replace(wide=wide, passes=tuple(passes), by_columns=by_columns)
 
 
-def _patches(left: Float, column_mm: float, lean: float, asked: FaceImage) -> FaceImage | None:
+def _patches(left: Float, column_mm: float, lean: Float, asked: FaceImage) -> FaceImage | None:
     """Patches of what places leave in frames by columns (f, n), with places as wide as those of the face asked about.
 
     It is fixed to the sensor: places of a wide face average out what turns a narrow one, and those of a face that moves
@@ -174,19 +193,24 @@ def _patches(left: Float, column_mm: float, lean: float, asked: FaceImage) -> Fa
     begins = np.union1d(low, last - low)  # the same from either end
     place = (np.arange(places) - 0.5 * (places - 1)) * column_mm * asked.wide
     values = (left[:, begin : begin + size].reshape(-1, places, asked.wide) for begin in begins)
-    found = [_pooled(_mean(value), np.arange(len(value), dtype=float), place, lean, 1) for value in values]
+    alike = np.zeros(len(left), np.int64)
+    found = [_pooled(_mean(value), np.arange(len(value), dtype=float), place, lean, alike, 1) for value in values]
     known = [one for one in found if one is not None]
     if not known:
         return None
     mean, noise = (np.concatenate(parts) for parts in zip(*((one.mean, one.noise) for one in known), strict=True))
-    return FaceImage(np.zeros(len(mean)), mean, noise, place, lean)
+    lean = np.full(len(mean), np.median(lean))
+    return FaceImage(np.zeros(lean.size), mean, noise, place, lean, np.zeros(lean.size, np.int64))
 
 
-def _pooled(value: Float, s: Float, place_mm: Float, lean: float, most: int = 1000) -> FaceImage | None:
-    """The image of residuals (f, p) of frames at s (f,), mm, by stretches."""
-    stretches = max(1, min(math.floor(np.ptp(s) / STRETCH_MM), len(value) // STRETCH_FRAMES, most))
+def _pooled(value: Float, s: Float, place_mm: Float, lean: Float, group: Int, most: int = 1000) -> FaceImage | None:
+    """The image of residuals (f, p) of frames at s (f,), mm, by stretches of each pass, group (f,) its number."""
+    passes = int(group.max()) + 1
+    stretches = max(1, min(math.floor(np.ptp(s) / STRETCH_MM), len(value) // (STRETCH_FRAMES * passes), most))
     stretch = np.minimum((s - s.min()) / max(float(np.ptp(s)), 1e-9) * stretches, stretches - 1).astype(np.int64)
-    keep = [k for k in range(stretches) if (np.isfinite(value[stretch == k]).sum(axis=0) >= LEAST_FRAMES).all()]
+    stretch += group * stretches
+    every = range(stretches * passes)
+    keep = [k for k in every if (np.isfinite(value[stretch == k]).sum(axis=0) >= LEAST_FRAMES).all()]
     if not keep:
         return None
     middle = np.stack([_trimmed(value[stretch == k]) for k in keep])
@@ -198,7 +222,9 @@ def _pooled(value: Float, s: Float, place_mm: Float, lean: float, most: int = 10
     covariance = (1.0 - SHRUNK) * covariance + SHRUNK * np.diag(np.diag(covariance))
     counted = np.array([np.isfinite(value[stretch == k]).sum(axis=0).mean() for k in keep]) / _together(left)
     at = np.array([s[stretch == k].mean() for k in keep])
-    return FaceImage(at, middle, covariance[None] / counted[:, None, None], place_mm, lean)
+    noise = covariance[None] / counted[:, None, None]
+    leans = np.array([np.median(lean[stretch == k]) for k in keep])
+    return FaceImage(at, middle, noise, place_mm, leans, np.array(keep) // stretches)
 
 
 def _mean(value: Float) -> Float:
@@ -274,8 +300,9 @@ class _Weighed(NamedTuple):
 
     def lasting(self, walk: Float, by_columns: Float) -> list[_Lasting]:
         """By shares (walks,) of the walk's strengths, along the face and over the sensor's columns."""
-        shape, found = _walk(self.image), []
-        for log, aside, square in zip(self.log, self.aside_mm, self.aside_square, strict=True):
+        found = []
+        of_stretches = _walk(self.image), self.log, self.aside_mm, self.aside_square
+        for shape, log, aside, square in zip(*of_stretches, strict=True):
             share = walk[:, None] * np.exp(log - np.logaddexp.reduce(log, axis=1)[:, None])
             covariance = float((walk + by_columns) @ WALKS**2) * shape
             covariance += float((share @ SINGLES**2).sum()) * np.eye(len(shape))
@@ -289,7 +316,8 @@ def _weighed(image: FaceImage, with_parts: bool) -> _Weighed:
     t = image.place_mm
     shapes = np.stack([np.ones_like(t), t / t[-1]], axis=1)
     base = image.noise[:, None, None] + FREE_MM**2 * shapes @ shapes.T + 1e-16 * np.eye(t.size)
-    lasting = WALKS[:, None, None, None] ** 2 * _walk(image) + SINGLES[None, :, None, None] ** 2 * np.eye(t.size)
+    walk = _walk(image)[:, None, None]
+    lasting = WALKS[:, None, None, None] ** 2 * walk + SINGLES[None, :, None, None] ** 2 * np.eye(t.size)
     factor = np.linalg.cholesky(base + lasting)
     white = np.linalg.solve(factor, np.broadcast_to(image.mean[:, None, None, :, None], (*factor.shape[:-1], 1)))
     prior = (_log_prior(WALKS)[:, None] + _log_prior(SINGLES)) / len(image.mean)  # once for all stretches
@@ -346,34 +374,50 @@ def _log_prior(strengths: Float) -> Float:
 
 
 def _walk(image: FaceImage) -> Float:
-    """Covariance (p, p) across the face of a walk of the range of variance 1 a lateral mm, of means over places.
+    """Covariances (k, p, p) across the face of a walk of the range of variance 1 a lateral mm, of means over places.
 
     From where the first of these begins: no level matters. Some may be missing.
     """
-    t = image.place_mm / image.lean
-    wide = np.diff(t).min()
-    t = t - t[0] + wide / 2.0
-    return np.asarray(np.minimum.outer(t, t) - wide / 6.0 * np.eye(t.size)) / image.lean**2
+    wide = np.diff(image.place_mm).min()
+    t = image.place_mm - image.place_mm[0] + wide / 2.0
+    along = np.minimum.outer(t, t) - wide / 6.0 * np.eye(t.size)
+    return np.asarray(along / image.lean[:, None, None] ** 3)
 
 
 def _form(image: FaceImage, lasting: Sequence[_Lasting], at: Float, sensor: Linearity) -> FaceForm:
-    """What the line owes to what may last in each stretch."""
+    """What the line owes to what may last in each stretch.
+
+    A line has the mean of what all passes at a place make of it: what lasts may be the face's own, and is held for the
+    same in all; what the sensor errs by its columns averages, as far as passes see the face by other columns.
+    """
     t = image.place_mm
     end = 0.5 * (3.0 * t[-1] - t[-2])
     line = np.linalg.pinv(np.stack([np.ones_like(t), t], axis=1))  # least squares: level and slope of places
     weights = np.stack([line[1], line[0] + end * line[1], line[0] - end * line[1]])
     # A part that stands aside at an end of the face is the face there, or not: as likely.
     beside = weights - 0.5 * np.stack([np.zeros_like(t), np.eye(t.size)[-1], np.eye(t.size)[0]])
-    field = sensor.covariance(t[:, None] - t)
     centred = weights @ (np.eye(t.size) - 1.0 / t.size)  # a sensor's or a face's common offset moves nothing
     rows = []
     for one, mean, noise in zip(lasting, image.mean, image.noise, strict=True):
         either = (beside - weights) @ one.aside_mm
         # returns of the face lie along another line than its own
         other = np.maximum((weights @ mean) ** 2 - _variance(weights, noise), 0.0)
-        variance = _variance(centred, one.covariance + field) + _variance(beside, one.aside_covariance)
+        variance = _variance(centred, one.covariance) + _variance(beside, one.aside_covariance)
         rows.append(np.append(np.sqrt(variance + either**2 + other), beside @ one.aside_mm))
-    turn_u, lower_u, upper_u, turn, lower, upper = (np.interp(at, image.s, of) for of in np.array(rows).T)
+    passes = image.passes or (SeenBy(-math.inf, math.inf, t),)
+    share, told = np.zeros((len(passes), at.size)), np.zeros((len(passes), 6, at.size))
+    for number, seen in enumerate(passes):
+        mine = image.of_pass == number
+        if mine.any():
+            told[number] = [np.interp(at, image.s[mine], of) for of in np.array(rows)[mine].T]
+            share[number] = np.where((at >= seen.first_mm) & (at <= seen.last_mm), 1.0, 1e-6)  # where no pass is: all
+    share /= share.sum(axis=0)
+    apart = [[a.column_mm[:, None] - b.column_mm for b in passes] for a in passes]
+    field = np.einsum("cx,pqxy,cy->cpq", centred, sensor.covariance(np.array(apart)), centred)
+    mean = np.einsum("pm,pcm->cm", share, told)
+    by_sensor = np.einsum("pm,cpq,qm->cm", share, field, share)
+    turn_u, lower_u, upper_u = np.sqrt(mean[:3] ** 2 + by_sensor)
+    turn, lower, upper = mean[3:]
     aside_mm = max(float(np.abs(one.aside_mm).max()) for one in lasting)
     return FaceForm(turn_u, lower_u, upper_u, 2.0 * end, turn, lower, upper, aside_mm)
 

@@ -41,7 +41,7 @@ def sizes(
     tangent_u (m,) rad; root_form, bevel_form: what lasts in the residuals of both faces.
     """
     s = at + measured.shift
-    tilt_u, bevel_u, angle_u = direction_u(measured, s)
+    tilt_u, bevel_u, angle_u = direction_u(measured, s, root_form.turn_u, bevel_form.turn_u)
     _, beta = corrected_angles(measured, s)
     root = measured.end.course.value(s) + _by_parts(measured, s, beta, root_form, bevel_form)
     of_frames = measured.lever_mm, measured.faces.root.run, measured.faces.bevel.run
@@ -98,16 +98,21 @@ def _facing(lines: SectionLines) -> Float:
     return np.sign(np.cos(lines.angle) * lines.ray[:, 1] - np.sin(lines.angle) * lines.ray[:, 0])
 
 
-def direction_u(measured: Measured, s: Float) -> tuple[Float, Float, Float]:
-    """Standard uncertainties (m,) of root face, bevel face and the angle between them at s, rad."""
+def direction_u(measured: Measured, s: Float, root_form_u: Float, bevel_form_u: Float) -> tuple[Float, Float, Float]:
+    """Standard uncertainties (m,) of root face, bevel face and the angle between them at s, rad.
+
+    Beside what the faces' form makes of them (m,), by which passes differ too.
+    """
     faces = measured.faces
-    bevel_u, apart = faces.bevel_course.u(s), faces.opening_course.value(s)
+    bevel_u, apart = faces.bevel_course.u_beside(s, bevel_form_u), faces.opening_course.value(s)
     alone = faces.root_course.value(s) - faces.bevel_course.value(s)
-    tilt = (1.0 - faces.follows) * faces.root_course.u(s) ** 2 + faces.follows * faces.opening_course.u(s) ** 2
+    root_u, opening_u = (one.u_beside(s, root_form_u) for one in (faces.root_course, faces.opening_course))
+    tilt = (1.0 - faces.follows) * root_u**2 + faces.follows * opening_u**2
     angle = tilt + bevel_u**2 + faces.follows * (1.0 - faces.follows) * (alone - apart) ** 2
     if faces.even is not None:
         around = np.mean([_turned(measured, s + off) for off in np.linspace(-0.5, 0.5, 21) * LOCAL_MM], axis=0)
-        angle = faces.even.u(s) ** 2 + bevel_u**2 + np.var(around)  # a section's own stretch turns by that
+        even_u = faces.even.u_beside(s, root_form_u)
+        angle = even_u**2 + bevel_u**2 + np.var(around)  # a section's own stretch turns by that
     return np.sqrt(tilt), bevel_u, np.sqrt(angle)
 
 

@@ -36,6 +36,7 @@ AGREED = 2.0  # times the usual difference of neighbours: values that leave the 
 LEAST_VALUES = 5  # of a pass that is judged, or may lie beside the others, by itself
 SWING = 4  # pieces of the spline beside what it leaves out, over which it swings
 READMITTED = 3  # times that outliers are told again, by the course that was fitted without them
+CHANCE = 2.0  # standard deviations by which two passes differ where nothing is wrong
 LEAST_OWN = 0.01  # of what neighbours differ, that they do not share
 LEAST_FACTOR = 1e-12  # of noise: exact values have none
 STIFFNESSES = 9  # grid of each random walk's strength, from unseen to free, a factor of about 5 apart
@@ -73,6 +74,7 @@ class Course:
     step_u: float = 0.0  # standard uncertainty of its values by a step within a pass; 0 where no errors are shared
     shared_variance: Shaped[Float, " k"] | None = None  # what of `variance` is by errors that values share
     spent: float = 0.0  # how many bins' worth it takes
+    between: float = 0.0  # what of `variance` is by how far passes differ
 
     def value(self, s: Float) -> Float:
         """f(s): (m,) or (m, d). Beyond the ends of what was seen it goes straight on."""
@@ -89,6 +91,14 @@ class Course:
         if beyond.any():
             variance = variance + beyond**2 * np.interp(s, self.at_mm, self.slope_variance)
         return np.sqrt(variance)
+
+    def u_beside(self, s: Float, known_u: Float) -> Float:
+        """`u` (m,) beside errors of each pass whose u (m,) is told elsewhere: passes differ by as much, or by more.
+
+        By how far a few passes differ tells badly how much they err: up to CHANCE times what is known is by chance.
+        """
+        told = np.minimum(self.between, (CHANCE * known_u) ** 2)
+        return np.sqrt(np.maximum(self.u(s) ** 2 - told, 0.0))
 
     def shared_u(self, s: Float) -> Float:
         """What of `u` (m,) is by errors that values share."""
@@ -305,6 +315,7 @@ def _fit(
         found,
         shared_variance=by_shared,
         spent=spent,
+        between=between,
     )
 
 

@@ -279,9 +279,11 @@ def _image(face: _Face, view: View, length_mm: float, rng: np.random.Generator) 
         one /= length_mm / view.frame_pitch_mm
         at = np.asarray((np.arange(count) + 0.5 - 0.5 * count) * asked.wide * face.width_mm / face.columns)
         noise = np.broadcast_to(one * np.eye(count), (patches, count, count))
-        return FaceImage(np.zeros(patches), math.sqrt(one) * rng.normal(size=(patches, count)), noise, at, lean)
+        mean, of_pass = math.sqrt(one) * rng.normal(size=(patches, count)), np.zeros(patches, np.int64)
+        return FaceImage(np.zeros(patches), mean, noise, at, np.full(patches, lean), of_pass)
 
-    return FaceImage(np.zeros(1), mean, variance * left[None] / frames, place, lean, wide, by_columns)
+    noise, of_pass = variance * left[None] / frames, np.zeros(1, np.int64)
+    return FaceImage(np.zeros(1), mean, noise, place, np.array([lean]), of_pass, wide, by_columns=by_columns)
 
 
 # The broken end: edges of the prior, as a pass would see them.

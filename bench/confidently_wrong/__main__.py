@@ -137,7 +137,7 @@ def _wrong_class(kind: Kind, checks: tuple[Check, ...]) -> str:
     told = " ".join(check.finding for check in checks if check.passed)
     named = {
         "flange": "nor a hand-eye" in told,
-        "window": "end of the window would not show" in told,
+        "window": "beside a column that hardly ever returns" in told,
         "clock": "does not show whether the clocks agree" in told,
         "order": "frames out of order; nothing tells which" in told,
         "digits": "were they rounded, or commanded instead" in told,

@@ -8,15 +8,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from bench.confidently_wrong.kinds import KINDS
 from bench.drawn.plates import random_recipe
 from bench.drawn.seeds import nominal_sizes
+from tests.laws.dozen import ABOVE, plate
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.edge.faces import find_faces, rises_with_column
 from workbench.errors import InputError
+from workbench.geometry.poses import pose_from
 from workbench.scan import fuse
 from workbench.synthetic import raycast, simulate_recording
 from workbench.synthetic.scan import plan_motion, scan_pass
@@ -148,3 +151,21 @@ def test_a_view_that_ends_on_the_root_face_exchanges_no_faces() -> None:
     cropped = KINDS["view ends in the part, right"].spoil(recording, np.random.default_rng([8_950_000, 3]))
     with pytest.raises(InputError, match="frames do not agree which face is the root face"):
         segment(denoise(fuse(cropped)), **nominal_sizes(truth.root_mm.mean(), truth.bevel_deg.mean()))
+
+
+def test_passes_around_a_pipe_end_are_each_read_by_themselves() -> None:
+    """Their upper sides truly differ: no common one is sought, whichever pass comes first."""
+    above = ABOVE | {"elevation_deg": 35.0}
+    cloud = denoise(fuse(plate(above, above, above).recording))
+    found = find_faces(cloud, 1.5, 40.0)
+    root, frame = found.faces[ROOT_FACE], cloud.base_from_profiler[0]
+    along = frame[:3, 0] + root.sxz[0] / root.sxx[0] * frame[:3, 2]
+    axis = np.cross(along / np.linalg.norm(along), frame[:3, 1])
+    for turns in ((0, 80, 160), (80, 0, 160)):
+        poses = cloud.base_from_profiler.copy()
+        for number, turn in enumerate(turns):
+            by = pose_from(Rotation.from_rotvec(np.radians(turn) * axis).as_matrix(), np.zeros(3))
+            poses[cloud.pass_index == number] = by @ poses[cloud.pass_index == number]
+        turned = find_faces(replace(cloud, base_from_profiler=poses), 1.5, 40.0)
+        assert turned.seen.sum() == found.seen.sum()
+        assert turned.readings_apart == pytest.approx(found.readings_apart)

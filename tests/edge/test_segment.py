@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from bench.drawn.plates import random_recipe
 from bench.recordings import frames
@@ -17,9 +16,7 @@ from tests.seldom import seldom
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, ROUNDING, MilledEdge
 from workbench.cloud import denoise
 from workbench.edge import segment
-from workbench.edge.faces import find_faces
 from workbench.errors import InputError
-from workbench.geometry.poses import pose_from
 from workbench.inspect import sections
 from workbench.scan import fuse
 from workbench.synthetic import simulate_recording
@@ -164,21 +161,3 @@ def test_passes_tell_together_which_face_is_the_root_face() -> None:
         assert one.root_mm is not None
         assert one.root_u_mm is not None
         assert abs(one.root_mm - 0.69) < 3 * one.root_u_mm < 0.06
-
-
-def test_passes_around_a_pipe_end_are_each_read_by_themselves() -> None:
-    """Their upper sides truly differ: no common one is sought, whichever pass comes first."""
-    above = ABOVE | {"elevation_deg": 35.0}
-    cloud = denoise(fuse(plate(above, above, above).recording))
-    found = find_faces(cloud, 1.5, 40.0)
-    root, frame = found.faces[ROOT_FACE], cloud.base_from_profiler[0]
-    along = frame[:3, 0] + root.sxz[0] / root.sxx[0] * frame[:3, 2]
-    axis = np.cross(along / np.linalg.norm(along), frame[:3, 1])
-    for turns in ((0, 80, 160), (80, 0, 160)):
-        poses = cloud.base_from_profiler.copy()
-        for number, turn in enumerate(turns):
-            by = pose_from(Rotation.from_rotvec(np.radians(turn) * axis).as_matrix(), np.zeros(3))
-            poses[cloud.pass_index == number] = by @ poses[cloud.pass_index == number]
-        turned = find_faces(replace(cloud, base_from_profiler=poses), 1.5, 40.0)
-        assert turned.seen.sum() == found.seen.sum()
-        assert turned.readings_apart == pytest.approx(found.readings_apart)

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,18 @@ OLD = {
 
 def tree(directory: Path) -> dict[str, bytes]:
     return {str(p.relative_to(directory)): p.read_bytes() for p in sorted(directory.rglob("*")) if p.is_file()}
+
+
+def killed_rename(after: int) -> Callable[[Path, Path], None]:
+    """`os.rename` in a process that is killed after so many of them."""
+    left, original = iter(range(after)), os.rename
+
+    def rename(a: Path, b: Path) -> None:
+        if next(left, None) is None:
+            raise Killed
+        original(a, b)
+
+    return rename
 
 
 def test_new_directory_appears_whole_with_its_parents(tmp_path: Path) -> None:
@@ -111,17 +124,8 @@ def test_results_that_a_killed_failure_moved_in_part_do_not_bar_the_next_run(
 ) -> None:
     out = OutputDirectory(tmp_path / "out")
     out.publish(OLD)
-    left = [1]
-
-    def rename(a: Path, b: Path) -> None:
-        left[0] -= 1
-        if left[0] < 0:
-            raise Killed
-        original(a, b)
-
-    original = os.rename
     with monkeypatch.context() as patch:
-        patch.setattr("workbench.pipeline.output.os.rename", rename)
+        patch.setattr("workbench.pipeline.output.os.rename", killed_rename(1))
         with pytest.raises(Killed):
             out.supersede()
     with out.reserved():
@@ -198,17 +202,8 @@ def test_killed_between_any_two_renames(tmp_path: Path, monkeypatch: pytest.Monk
     """Three old files go out, two new ones come in: whatever the moment, the next run finds one whole set."""
     out = OutputDirectory(tmp_path / "out")
     out.publish(OLD)
-    left = [after]
-
-    def rename(a: Path, b: Path) -> None:
-        left[0] -= 1
-        if left[0] < 0:
-            raise Killed
-        original(a, b)
-
-    original = os.rename
     with monkeypatch.context() as patch:
-        patch.setattr("workbench.pipeline.output.os.rename", rename)
+        patch.setattr("workbench.pipeline.output.os.rename", killed_rename(after))
         patch.setattr("workbench.pipeline.output.shutil.rmtree", lambda *_, **__: None)
         with pytest.raises(Killed) if after < 5 else contextlib.nullcontext():
             out.publish(NEW)

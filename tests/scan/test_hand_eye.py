@@ -44,6 +44,16 @@ def test_the_covariance_may_be_absent_or_null(tmp_path: Path, content: dict[str,
     assert read_hand_eye(written(tmp_path, content)).covariance is None
 
 
+def test_what_a_calibration_warns_of_goes_with_it(tmp_path: Path) -> None:
+    with pytest.warns(UserWarning, match=r"handeye\.json: a misfit"):
+        read_hand_eye(written(tmp_path, calibration(warnings=["a misfit that repeatability cannot explain"])))
+
+
+def test_translation_and_angles_may_be_rounded(tmp_path: Path) -> None:
+    path = written(tmp_path, calibration(translation_mm=[126.9, 9.4, 41.5], rotation_rpy_deg=[60.49, -3.81, 357.98]))
+    np.testing.assert_array_equal(read_hand_eye(path).flange_from_profiler, POSE)
+
+
 def entry(matrix: Any, i: int, j: int, value: Any) -> list[list[Any]]:
     rows: list[list[Any]] = np.array(matrix).tolist()
     rows[i][j] = value
@@ -63,6 +73,11 @@ BAD = {
         "expected 'flange_from_profiler', found 'flange_from_profilr'",
     ),
     "misspelt covariance": (calibration(covarience=[]), "did you mean 'covariance'"),
+    "another translation": (calibration(translation_mm=[126.92, 9.44, 41.6]), "$.translation_mm: expected that of"),
+    "angles in another order": (
+        calibration(rotation_rpy_deg=[-2.024, -3.813, 60.489]),
+        "$.rotation_rpy_deg: expected that of",
+    ),
     "three rows": (
         calibration(flange_from_profiler=POSE[:3].tolist()),
         "profiler: expected 4 entries",

@@ -108,10 +108,15 @@ def test_blocks_of_frames_make_up_the_whole(
     assert seen == [5 / 12, 10 / 12, 1.0]
 
 
-def optional_absent(file: Any) -> None:
-    delete("/profiles/intensity", "/hand_eye", "/profiles/pass", "/robot/pass")(file)
+def one_pass(file: Any) -> None:
+    delete("/profiles/pass", "/robot/pass")(file)
     replace("/profiles/time", np.arange(12) * 0.01)(file)
     replace("/robot/time", np.array([0.0, 0.05, 0.1, 0.11]))(file)
+
+
+def optional_absent(file: Any) -> None:
+    one_pass(file)
+    delete("/profiles/intensity", "/hand_eye")(file)
     del file.attrs["part_id"]
 
 
@@ -128,6 +133,9 @@ GOOD = {
     "big-endian": replace("/robot/position", np.ones((4, 3), ">f8")),
     "x in float64": replace("/profiles/x", np.ones((12, 7))),
     "pass in int64": replace("/profiles/pass", np.tile([-5, 70], 6)),
+    "one pass, named by the profiles only": every(one_pass, replace("/profiles/pass", np.full(12, 7, np.int32))),
+    "one pass, named by the robot only": every(one_pass, replace("/robot/pass", np.full(4, -3, np.int32))),
+    "a hand-eye group without a pose": delete("/hand_eye/flange_from_profiler"),
     "text as bytes": attribute("format", np.bytes_(b"profile-recording")),
     "version in an array": attribute("version", np.array([1], np.uint8)),
     "more than the format says": replace("/notes/temperature", [20.5]),
@@ -246,7 +254,10 @@ BAD: dict[str, tuple[Edit, str]] = {
         lambda f: f.move("/robot/quaternion_wxyz", "/robot/quaternion_xyzw"),
         "did you mean 'quaternion_xyzw'",
     ),
-    "empty hand-eye group": (delete("/hand_eye/flange_from_profiler"), "/hand_eye/flange_from_profiler"),
+    "misspelt hand-eye": (
+        lambda f: f.move("/hand_eye/flange_from_profiler", "/hand_eye/flange_to_profiler"),
+        "did you mean 'flange_to_profiler'",
+    ),
     "group for a data set": (every(delete("/profiles/x"), lambda f: f.create_group("/profiles/x")), "found a group"),
     "data set for a group": (every(delete("/robot"), replace("/robot", 3)), "/robot/time"),
     "time in two dimensions": (replace("/profiles/time", np.zeros((12, 1))), "expected 1 dimensions"),

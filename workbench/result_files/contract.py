@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import json
 import math
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
@@ -23,9 +24,10 @@ from pydantic import (
 
 from workbench.artefacts import UNKNOWN_PART, Check, HandEye, Part, Verdict
 from workbench.errors import InputError, nearest
-from workbench.geometry.poses import RIGID, is_rigid
+from workbench.geometry.poses import RIGID, is_rigid, rotation_from_rpy, vector_from_rotation
 from workbench.parameters import path_of, problems
 from workbench.strict_json import MAX_BYTES, read_json, strict_json
+from workbench.units import Float
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -357,6 +359,7 @@ class ToolpathFile(ResultFile):
 
 
 Scale = Annotated[float, Field(gt=0.5, lt=2)]
+ROUNDED_POSE = 0.1  # mm, deg: a pose written with one decimal is less off
 
 
 class HandEyeFile(PartFile):
@@ -398,7 +401,8 @@ class HandEyeFile(PartFile):
         """The pose of a file, its covariance where it gives one, and the profiler's scales.
 
         Raises:
-            InputError: it is no such file, or has a key that may be a known one misspelt.
+            InputError: it is no such file, has a key that may be a known one misspelt, or its translation or angles
+                are not those of its pose.
         """
         found, keys = cls.read(path), set(cls.model_fields)
         for key in found.model_extra or {}:  # a covariance must not be lost without a word; other keys are free
@@ -407,7 +411,26 @@ class HandEyeFile(PartFile):
         covariance = None if found.covariance is None else np.array(found.covariance)
         scale, middle = found.sensor_scale or (1.0, 1.0), found.sensor_middle_mm or (0.0, 0.0)
         pose = np.array(found.flange_from_profiler)
+        found._check_same_pose(path, pose)
+        for said in found.warnings:
+            warnings.warn(f"{path}: {said}", stacklevel=1)
         return HandEye(pose, covariance, str(path), found.part.recorded_at, found.volume_u_mm, scale, middle)
+
+    def _check_same_pose(self, path: Path, pose: Float) -> None:
+        """A file that was edited in one place only says two poses."""
+        angles = self.rotation_rpy_deg
+        turn = np.eye(3) if angles is None else pose[:3, :3].T @ rotation_from_rpy(*np.radians(angles))
+        stated = pose[:3, 3] if self.translation_mm is None else self.translation_mm
+        for key, off in (
+            ("translation_mm", np.linalg.norm(stated - pose[:3, 3])),
+            ("rotation_rpy_deg", np.degrees(np.linalg.norm(vector_from_rotation(turn)))),
+        ):
+            if off > ROUNDED_POSE:
+                raise InputError(
+                    f"{path}: $.{key}",
+                    f"expected that of flange_from_profiler, found {off:.3g} {key.rsplit('_')[-1]} beside it; "
+                    "was one of them edited alone?",
+                )
 
 
 class StiffnessFile(PartFile):

@@ -93,7 +93,8 @@ def _check_rising(time_s: Float, pass_index: Int, where: str) -> None:
         row = int(stuck.min())
         place = f"pass {pass_index[row]}"
         raise InputError(
-            f"{where}[{row}]", f"expected times that rise within {place}, found {time_s[row]!s} s after a later one"
+            f"{where}[{row}]",
+            f"expected times that rise within {place}, found {time_s[row]!s} s after one as late or later",
         )
 
 

@@ -247,7 +247,7 @@ def _check_absent(file: Any, field: Field, where: str) -> None:
     """Is the data set one that may be absent? A misspelt neighbour is named."""
     group_path, _, name = field.path.rpartition("/")
     group = member(file, group_path)
-    if field.required or (group is not None and field.path.startswith("/hand_eye")):
+    if field.required or (field.path.startswith("/hand_eye") and group is not None and len(group)):
         holder, lost = (file, group_path[1:]) if group is None else (group, name)
         hint = nearest(lost, holder) if hasattr(holder, "keys") else ""
         raise InputError(f"{where}: {field.path}", f"no such data set{hint}")

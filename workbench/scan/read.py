@@ -71,8 +71,7 @@ def _tables(file: Any, where: str) -> tuple[dict[str, Any], dict[str, AnyArray],
     sets = data_sets(file, where)
     diameter_mm, clock = calibration(file, where)
     values = {name: whole(sets[name], FIELDS[name].dtype) for name in sets if name not in ON_THE_GRID}
-    values.setdefault("pass_index", np.zeros(len(values["time_s"]), np.int64))
-    values.setdefault("robot_pass", np.zeros(len(values["robot_time_s"]), np.int64))
+    _name_passes(values)
     values = checked(where, values, diameter_mm is not None or clock == "own", clock)
     part = part_of(file, where)
     unsure = tuple((text(file, "not_confirmed", f"{where}: /") or "").splitlines())
@@ -81,6 +80,14 @@ def _tables(file: Any, where: str) -> tuple[dict[str, Any], dict[str, AnyArray],
         values,
         {"sphere_diameter_mm": diameter_mm, "clock": clock, "part": part, "not_confirmed": unsure},
     )
+
+
+def _name_passes(values: dict[str, AnyArray]) -> None:
+    """Where a pass array is absent there is one pass: that of the other side, if it names one."""
+    for absent, time, other in (("pass_index", "time_s", "robot_pass"), ("robot_pass", "robot_time_s", "pass_index")):
+        if absent not in values:
+            named = np.unique(values[other]) if other in values else np.zeros(1, np.int64)
+            values[absent] = np.full(len(values[time]), named[0] if len(named) == 1 else 0)
 
 
 def _grid(sets: dict[str, Any], where: str, progress: Progress, unit_mm: Mapping[str, float]) -> dict[str, AnyArray]:

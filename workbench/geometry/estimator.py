@@ -64,13 +64,16 @@ class Shared:
         parts = {name: getattr(self, name)[kept] for name in ("alone", "own", "pose", "fraction", "whole")}
         return replace(self, rows=number[self.rows[kept]], **parts)
 
-    def product(self, columns: Float) -> Float:
-        """C^T S^-1 C (c, c) of columns C (m, d, c) and the covariance S of the m observations together."""
-        joined, _ = within_poses(np.concatenate([columns, self.whole], axis=2), self)
-        return with_common(joined, self.whole.shape[2])[0]
+    def product(self, columns: Float) -> tuple[Float, float]:
+        """C^T S^-1 C (c, c) of columns C (m, d, c) and the covariance S of the m observations together; log det S."""
+        joined, log_size = _within_poses(np.concatenate([columns, self.whole], axis=2), self)
+        kept = columns.shape[2]
+        common = np.eye(self.whole.shape[2]) + joined[kept:, kept:]
+        joined = joined[:kept, :kept] - joined[:kept, kept:] @ np.linalg.solve(common, joined[kept:, :kept])
+        return joined, log_size + float(np.linalg.slogdet(common)[1])
 
 
-def within_poses(columns: Float, shared: Shared) -> tuple[Float, float]:
+def _within_poses(columns: Float, shared: Shared) -> tuple[Float, float]:
     """C^T S^-1 C (c, c) of columns C (m, d, c) and log det S, but for the errors that all have in common.
 
     I + U^T D^-1 U is block-tridiagonal, with D what observations have alone and U what poses' errors make of it.
@@ -101,15 +104,6 @@ def within_poses(columns: Float, shared: Shared) -> tuple[Float, float]:
     return joined, log_size
 
 
-def with_common(joined: Float, count: int) -> tuple[Float, Float]:
-    """Of C^T D^-1 C (..., c, c): C^T S^-1 C of all but the last `count` columns V, S = D + V V^T, log det S / det D."""
-    kept = joined.shape[-1] - count
-    across = joined[..., kept:, :kept]
-    own = np.eye(count) + joined[..., kept:, kept:]
-    inner = joined[..., :kept, :kept] - np.swapaxes(across, -1, -2) @ np.linalg.solve(own, across)
-    return np.asarray(inner), np.asarray(np.linalg.slogdet(own)[1])
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
     """What n observations of d values each say about P unknowns, at an estimate of these."""
@@ -137,21 +131,27 @@ class Rows:
 
     def product(self, columns: Float) -> Float:
         """C^T S^-1 C (c, c) of columns C (n, d, c) and the covariance S of all observations."""
+        return self._weighted(columns)[0]
+
+    def _weighted(self, columns: Float) -> tuple[Float, float]:
+        """As `product`, with log det S."""
         alone = np.ones(len(columns), bool)
         for one in self.shared:
             alone[one.rows] = False
-        own = columns[alone]
-        out = np.tensordot(own, np.linalg.solve(self.covariance[alone], own), axes=([0, 1], [0, 1]))
+        own, covariance = columns[alone], self.covariance[alone]
+        out = np.tensordot(own, np.linalg.solve(covariance, own), axes=([0, 1], [0, 1]))
+        log_size = float(np.linalg.slogdet(covariance)[1].sum())
         for one in self.shared:
-            out = out + one.product(columns[one.rows])
-        return np.asarray(out)
+            joined, more = one.product(columns[one.rows])
+            out, log_size = out + joined, log_size + more
+        return np.asarray(out), log_size
 
     def normal(self) -> Normal:
         """The normal equations, prior included."""
-        joined = self.product(np.concatenate([self.jacobian, self.residual[..., None]], axis=2))
+        joined, log_size = self._weighted(np.concatenate([self.jacobian, self.residual[..., None]], axis=2))
         pull = self.prior @ self.away
         chi2 = float(joined[-1, -1] + self.away @ pull)
-        return Normal(joined[:-1, :-1] + self.prior, joined[:-1, -1] + pull, chi2)
+        return Normal(joined[:-1, :-1] + self.prior, joined[:-1, -1] + pull, chi2, log_size)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,6 +161,13 @@ class Normal:
     information: Shaped[Float, "P P"]
     side: Shaped[Float, " P"]
     chi2: float  # sum of the weighted squares
+    log_size: float  # logarithm of the determinant of the observations' covariance
+
+    @property
+    def restricted(self) -> float:
+        """Restricted log-likelihood of the noise, up to a constant (H. Patterson, R. Thompson, Biometrika 58, 1971)."""
+        left = self.chi2 - float(self.side @ self.step())
+        return -0.5 * (left + float(np.linalg.slogdet(self.information)[1]) + self.log_size)
 
     def step(self) -> Float:
         """To the minimum (P,), none along what nothing determines; unknowns differ in size, so scaled first."""

@@ -145,7 +145,8 @@ def shared_of(linear: Linear, flange: Flange, noise: Noise) -> tuple[estimator.S
     spread, bent = linear.by_pose * noise.spread, np.zeros((len(linear.bent), 3, 1))
     scale = noise.common / (noise.common + (1 - noise.common) * flange.evened)
     bent[:, 2, 0] = scale * linear.bent  # an error in common is so squared too
-    alone = linear.covariance - spread @ np.swapaxes(spread, 1, 2) - bent @ np.swapaxes(bent, 1, 2)
+    alone = linear.covariance - spread @ np.swapaxes(spread, 1, 2)
+    alone[:, 2, 2] -= scale * (2 - scale) * linear.bent**2  # what is its own stays, not its product with the common one
     whole = np.concatenate([spread * np.sqrt(noise.common), bent], axis=2)
     own = spread * np.sqrt(1 - noise.common)
     return tuple(sharing(scan, alone, own, whole) for scan in flange.scans)

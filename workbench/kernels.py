@@ -146,6 +146,7 @@ class Kept:
         return found
 
     def _load(self, signature: Any, target: Any) -> Any:
+        from llvmlite.binding import parse_bitcode
         from numba.core.compiler import CompileResult
         from numba.core.runtime.nrt import rtsys
 
@@ -153,7 +154,13 @@ class Kept:
         if data is None:
             return None
         rtsys.initialize(target)  # memory of arrays; all that a finished kernel needs of the target
-        return CompileResult._rebuild(target, *pickle.loads(data))  # type: ignore[no-untyped-call]
+        (name, kind, (machine_code, bitcode)), function, *rest = pickle.loads(data)
+        # Only a kernel that is compiled and calls this one needs the bitcode; reading it takes longer than all else.
+        target.codegen()._engine._defined_symbols.add(function.llvm_cpython_wrapper_name)
+        library = name, kind, (machine_code, _empty_bitcode())
+        found = CompileResult._rebuild(target, library, function, *rest)  # type: ignore[no-untyped-call]
+        found.library._get_module_for_linking = functools.cache(functools.partial(parse_bitcode, bitcode))
+        return found
 
     def save_overload(self, signature: Any, result: Any) -> None:
         """Keep what was compiled; a folder that has become full or read-only costs the next process time, no more."""
@@ -162,7 +169,8 @@ class Kept:
         where = folder().path
         if where is None or result.lifted or result.library.has_dynamic_globals:
             return
-        data = dumps(result._replace(type_annotation="")._reduce())  # type: ignore[no-untyped-call]
+        # Without the environments of functions that it calls: loading those imports the modules that define them.
+        data = dumps((*result._replace(type_annotation="")._reduce()[:-1], ()))  # type: ignore[no-untyped-call]
         keep(where / self._file(signature, result.codegen.magic_tuple()), DIGEST(data).digest() + data)
         forget(f"{self.name}-*.kernel")
 
@@ -183,6 +191,14 @@ class Kept:
 def _fields(kind: Any) -> list[Any]:
     """Names of the fields of a named tuple, numba's name for which has their types alone, and of those within."""
     return [getattr(kind, "fields", ()), *(_fields(one) for one in getattr(kind, "types", ()))]
+
+
+@functools.cache
+def _empty_bitcode() -> bytes:
+    """Of a module without functions."""
+    from llvmlite.binding import parse_assembly
+
+    return bytes(parse_assembly("").as_bitcode())
 
 
 def _whole(path: Path) -> bytes | None:

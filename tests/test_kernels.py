@@ -87,6 +87,19 @@ def test_a_new_process_finds_them_again(room: Path) -> None:
     assert kept(room) == before
 
 
+def test_a_kept_one_brings_none_of_the_modules_that_compiled_it(room: Path) -> None:
+    text = (
+        "import numpy as np\nfrom workbench.kernels import kernel\n\n@kernel\ndef middle(a):\n    return np.median(a)\n"
+    )
+    (room / "middle.py").write_text(text)
+    code = (
+        "import sys, numpy as np; from room.middle import middle; print(middle(np.arange(5.0)));"
+        "print([name for name in ('numba.np.arraymath', 'scipy.linalg') if name in sys.modules])"
+    )
+    use(room, code)
+    assert use(room, code) == "2.0\n[]"
+
+
 def test_the_order_of_a_set_of_options_is_no_other_kernel(room: Path) -> None:
     outer = (room / "outer.py").read_text()
     (room / "outer.py").write_text(outer.replace("@kernel", '@kernel(fastmath={"nsz", "arcp", "contract"})'))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from workbench.geometry.splines import Spline
+from workbench.geometry.splines import Spline, through
 
 
 @pytest.mark.parametrize("degree", [1, 2, 3])
@@ -31,3 +31,13 @@ def test_goes_straight_on_beyond_its_ends() -> None:
     at = np.array([first - 3.0, first, 3.3, last, last + 2.0])
     expected = spline(np.clip(at, first, last)) + (at - np.clip(at, first, last)) * spline(np.clip(at, first, last), 1)
     np.testing.assert_allclose(spline.straight_on(at), expected)
+
+
+@pytest.mark.parametrize("size", [4, 5, 7, 60])
+@pytest.mark.parametrize("components", [(), (3,)])
+def test_through_values_as_scipy(size: int, components: tuple[int, ...]) -> None:
+    rng = np.random.default_rng(size)
+    places, values = np.cumsum(rng.uniform(0.2, 3.0, size)), rng.normal(size=(size, *components))
+    ours, theirs = through(places, values), make_interp_spline(places, values)
+    np.testing.assert_array_equal(ours.t, theirs.t)
+    np.testing.assert_allclose(ours.c, theirs.c, rtol=1e-11, atol=1e-11)

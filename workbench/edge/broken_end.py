@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
-import scipy
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.checks.sensor import column_pitch_mm
@@ -380,40 +379,67 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     And over how far the lower surface returns, where it does.
     """
     pixels, pixel_prior = view.pixels
-    onwards = ONWARD if INCIDENCES[-1] > 0.5 * math.pi + view.inclination else ONWARD[:1]
-    grid = templates.size_mm.size, INCIDENCES.size, len(pixels), len(view.phases), onwards.size
-    sizes, limit, pixel, phase, further = (np.ravel(one) for one in np.indices(grid))
-    size, turn, incidence = templates.size_mm[sizes], templates.turn[sizes], INCIDENCES[limit]
-    under, onward = incidence > 0.5 * math.pi + view.inclination, onwards[further] * view.step_mm
-    shown = _shown_mm(view, templates.size_mm[:, None], templates.turn[:, None], INCIDENCES)[sizes, limit] + onward
-    # Where nothing of a break is seen, returns are those of a sharp end in the same place.
-    rows = np.arange(size.size)
-    alike = np.where(shown > 0.0, rows, np.ravel_multi_index((0, 0, pixel, phase, 0), grid))
-    looks = np.flatnonzero(alike == rows)
-    order = looks[np.lexsort([of[looks] for of in (phase, incidence, pixel, size)])]
-    looked = size[order], turn[order], incidence[order], pixel[order], phase[order], onward[order]
-    fall, raised = rendered_end(view, *looked)
-    seen, score = fall - raised, np.empty(order.size)
-    _log_likelihoods(view.known.mean, view.known.noise + view.known.free, seen, QUARTER * fall, score)
-    rows[order] = np.arange(order.size)
-    look, hidden = rows[alike], size - shown
-    log = score[look]
+    under = 0.5 * math.pi + view.inclination < INCIDENCES  # the lower surface returns
+    onward = (ONWARD if under[-1] else ONWARD[:1]) * view.step_mm
     kept = INCIDENCE_PRIOR * np.clip((INCIDENCES - view.inclination) / STEP + 0.5, 1e-6, 1.0)  # the face returns
-    log += np.log(pixel_prior)[pixel] + np.log(kept / kept.mean())[limit]
-    log += np.where(under, 0.0, np.where(onward > 0.0, -np.inf, math.log(onwards.size)))
+    log = np.full((templates.size_mm.size, under.size, onward.size), -np.inf)
+    log[:, under] = np.log(kept / kept.mean())[under, None]
+    log[:, ~under, 0] = np.log(kept / kept.mean())[~under] + math.log(onward.size)
+    size, turn = templates.size_mm[:, None, None], templates.turn[:, None, None]
+    shown = _shown_mm(view, size, turn, INCIDENCES[:, None]) + onward
+    # Where nothing of a break is seen, returns are those of a sharp end in the same place.
+    is_seen = (shown > 0.0) & np.isfinite(log)
+    is_seen[0, 0, 0] = True
+    look = np.zeros(shown.shape, np.int64)
+    look[is_seen] = np.arange(is_seen.sum())
+    looks = [np.broadcast_to(of, shown.shape)[is_seen] for of in (size, turn, INCIDENCES[:, None], onward)]
+    one = _looked(view, looks, np.log(pixel_prior), pixels[:, 0] * view.step_mm)
+    log += one.log[look]
     goes_on = size + onward > 0.0
-    beyond = np.where(goes_on, hidden + view.further * view.step_mm, 0.0) - pixels[pixel, 0] * view.step_mm
-    beyond_u = np.where(goes_on, QUARTER * hidden, view.usually_further * view.step_mm)
-    shape = (templates.size_mm.size, -1)
-    log, beyond, beyond_u = log.reshape(shape), beyond.reshape(shape), beyond_u.reshape(shape)
-    most = log.max(axis=1, keepdims=True)
+    beyond = np.where(goes_on, size - shown + view.further * view.step_mm, 0.0) - one.past[look]
+    beyond_u = np.hypot(
+        np.where(goes_on, QUARTER * (size - shown), view.usually_further * view.step_mm), one.past_u[look]
+    )
+    most = log.max(axis=(1, 2), keepdims=True)
     weight = np.exp(log - most)
-    total = weight.sum(axis=1)
-    weight /= total[:, None]
-    mean = (weight * beyond).sum(axis=1)
-    spread = np.sqrt((weight * ((beyond - mean[:, None]) ** 2 + beyond_u**2)).sum(axis=1))
-    by_look = scipy.sparse.csr_array((weight.ravel(), (sizes, look)), (grid[0], order.size))
-    return SeenEnd(most[:, 0] + np.log(total / weight.shape[1]), mean, spread, by_look @ seen)
+    total = weight.sum(axis=(1, 2), keepdims=True)
+    weight /= total
+    mean = (weight * beyond).sum(axis=(1, 2))
+    spread = np.sqrt((weight * ((beyond - mean[:, None, None]) ** 2 + beyond_u**2)).sum(axis=(1, 2)))
+    evidence = (most + np.log(total / (under.size * onward.size)))[:, 0, 0]
+    return SeenEnd(evidence, mean, spread, np.einsum("tio,tiog->tg", weight, one.fall[look]))
+
+
+class _Looked(NamedTuple):
+    """V templates at one incidence each, averaged over the pixels and the places of the end within its column."""
+
+    log: Shaped[Float, " v"]  # log-likelihood of the depths
+    past: Shaped[Float, " v"]  # how far the last return lies beyond the end of the returns, mm: mean
+    past_u: Shaped[Float, " v"]  # and standard deviation
+    fall: Shaped[Float, "v g"]
+
+
+def _looked(view: EndView, looks: list[Float], log_prior: Float, past: Float) -> _Looked:
+    """looks (v,): size, turn, incidence and how far the lower surface returns; of k pixels the prior, and the way past.
+
+    As `seen_end` has them.
+    """
+    shape = looks[0].size, past.size, len(view.phases)
+    of, pixel, phase = (np.ravel(one) for one in np.indices(shape))
+    size, turn, incidence, onward = (one[of] for one in looks)
+    fall, raised = rendered_end(view, size, turn, incidence, pixel, phase, onward)
+    seen, score = fall - raised, np.empty(of.size)
+    _log_likelihoods(view.known.mean, view.known.noise + view.known.free, seen, QUARTER * fall, score)
+    log = score.reshape(shape) + log_prior[:, None]
+    most = log.max(axis=(1, 2), keepdims=True)
+    weight = np.exp(log - most)
+    total = weight.sum(axis=(1, 2), keepdims=True)
+    weight /= total
+    by_pixel = weight.sum(axis=2)
+    mean = by_pixel @ past
+    spread = np.sqrt((by_pixel * (past - mean[:, None]) ** 2).sum(axis=1))
+    evidence = (most + np.log(total / (shape[1] * shape[2])))[:, 0, 0]
+    return _Looked(evidence, mean, spread, np.einsum("vkp,vkpg->vg", weight, seen.reshape(*shape, -1)))
 
 
 def _shown_mm(view: EndView, size: Float, turn: Float, incidence: Float) -> Float:
@@ -643,10 +669,11 @@ def _log_likelihoods(mean: Float, covariance: Float, expected: Float, u: Float, 
     """Fill in those (s,) of means (g,) with a covariance (g, g), by what is expected (s, g), each with its own u.
 
     Shapes reach from the last returns inwards: behind them nothing is expected, without u. The Cholesky rows of what
-    lies there stand first, and are kept from shape to shape.
+    lies there stand first, and are kept from shape to shape: 1 / the diagonal, on it.
     """
     size = len(mean)
-    lower, white, log = np.zeros((size, size)), np.empty(size), np.zeros(size + 1)
+    lower, white = np.zeros((size, size)), np.empty(size)
+    squares, root = np.zeros(size + 1), np.ones(size + 1)  # sums of rows; products of what is on the diagonal
     same = 0  # rows behind the last shape
     for n in range(len(expected)):
         behind = size
@@ -659,14 +686,14 @@ def _log_likelihoods(mean: Float, covariance: Float, expected: Float, u: Float, 
                 rest = covariance[row, size - 1 - j]
                 for k in range(j):
                     rest -= lower[i, k] * lower[j, k]
-                lower[i, j] = rest / lower[j, j] if j < i else math.sqrt(rest + u[n, row] ** 2)
+                lower[i, j] = rest * lower[j, j] if j < i else 1.0 / math.sqrt(rest + u[n, row] ** 2)
             rest = mean[row] - expected[n, row]
             for k in range(i):
                 rest -= lower[i, k] * white[k]
-            white[i] = rest / lower[i, i]
-            log[i + 1] = log[i] - 0.5 * white[i] ** 2 - math.log(lower[i, i])
+            white[i] = rest * lower[i, i]
+            squares[i + 1], root[i + 1] = squares[i] + white[i] ** 2, root[i] * lower[i, i]
         same = behind
-        out[n] = log[size]
+        out[n] = math.log(root[size]) - 0.5 * squares[size]
 
 
 def _hidden_end_u_mm(cloud: Cloud, face: FaceLines) -> float:

@@ -51,7 +51,7 @@ from workbench.geometry.chains import FaceLines
 from workbench.geometry.curves import Curve, with_frame
 from workbench.geometry.gridless import MOST_COLUMNS, Laid, Traces, cut, lay_out
 from workbench.geometry.grids import columns_beyond
-from workbench.geometry.splines import Spline
+from workbench.geometry.splines import through
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Bool, Float
 
@@ -306,8 +306,7 @@ def _straight(points: PointSet) -> Laid:
     middle = points.points_mm.mean(axis=0)
     s = (points.points_mm - middle) @ along
     at = np.linspace(s.min(), s.max(), 8)
-    spline = scipy.interpolate.make_interp_spline(at, middle + at[:, None] * along, k=3)
-    course = with_frame(Spline(spline.t, spline.c), at)
+    course = with_frame(through(at, middle + at[:, None] * along), at)
     return lay_out(points.points_mm, course, s)
 
 

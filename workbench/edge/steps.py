@@ -14,12 +14,11 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
 from workbench.geometry.blocks import as_input
 from workbench.geometry.course import BIN_MM, Course, fit_course, stretches
 from workbench.geometry.medians import median
-from workbench.geometry.splines import Spline
+from workbench.geometry.splines import through
 from workbench.kernels import kernel
 from workbench.units import Bool, Float, Int, Shaped
 
@@ -53,8 +52,7 @@ class Readings(NamedTuple):
         """The course, whose own places these are, where they say that the face itself ends."""
         if not self.shift_mm.any():
             return course
-        found = scipy.interpolate.make_interp_spline(course.at_mm, course.value(course.at_mm) + self.shift_mm)
-        return replace(course, spline=Spline(found.t, found.c))
+        return replace(course, spline=through(course.at_mm, course.value(course.at_mm) + self.shift_mm))
 
 
 class _Reading(NamedTuple):

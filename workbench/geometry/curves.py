@@ -12,7 +12,7 @@ import scipy
 from workbench.geometry.blocks import as_input
 from workbench.geometry.course import Course, fit_course, stretches
 from workbench.geometry.processes import Process, Shared
-from workbench.geometry.splines import Spline, derivatives, piece_of
+from workbench.geometry.splines import Spline, derivatives, piece_of, through
 from workbench.kernels import kernel
 from workbench.units import Bool, Float, Int, Shaped
 
@@ -213,13 +213,8 @@ def curve_through(places: Callable[[Float], Float], first: float, last: float) -
     s = np.linspace(first, last, max(math.ceil((last - first) / POSE_MM), LEAST_PLACES) + 1)
     points_mm = places(s)
     for _ in range(2):
-        s = np.interp(s, *_arc_length(_through(points_mm, s)))
-    return with_frame(_through(points_mm, s), s)
-
-
-def _through(points_mm: Float, s: Float) -> Spline:
-    found = scipy.interpolate.make_interp_spline(s, points_mm)
-    return Spline(found.t, found.c)
+        s = np.interp(s, *_arc_length(through(s, points_mm)))
+    return with_frame(through(s, points_mm), s)
 
 
 def _arc_length(spline: Spline) -> tuple[Float, Float]:

@@ -58,6 +58,61 @@ class Spline:
         return out.reshape(at.shape + self.c.shape[1:])
 
 
+def through(x: Float, y: Float) -> Spline:
+    """The cubic spline through values y (n,) or (n, d) at rising places x (n,), n >= 4.
+
+    No break at the second place and the last but one (de Boor, ch. IV, not-a-knot).
+
+    Example:
+        >>> x = np.array([0.0, 1.0, 2.5, 3.0, 4.0, 6.0])
+        >>> bool(abs(through(x, x**3)(np.array([5.0]))[0] - 125.0) < 1e-9)
+        True
+    """
+    ends = np.full(CUBIC + 1, x[0]), np.full(CUBIC + 1, x[-1])
+    t, c = np.concatenate([ends[0], x[2:-2], ends[1]]), y.reshape(len(y), -1).astype(float)
+    rows = np.zeros((x.size, 2 * CUBIC + 1))
+    _at_places(as_input(t), as_input(x), rows)
+    _solve(rows, c)
+    return Spline(t, c.reshape(y.shape))
+
+
+@kernel
+def _at_places(t: Float, x: Float, rows: Float) -> None:
+    """Fill rows (n, 7): at x[i] the values of the cubic splines i - 3 to i + 3 on knots t (n + 4,)."""
+    j, value = CUBIC, np.empty(CUBIC + 1)
+    for i in range(x.size):
+        while j < x.size - 1 and x[i] >= t[j + 1]:
+            j += 1
+        value[:] = 0.0  # of the splines j - 3 to j, that are not 0 here
+        value[CUBIC] = 1.0
+        for degree in range(1, CUBIC + 1):
+            for r in range(CUBIC - degree, CUBIC + 1):
+                k, of, after = j - CUBIC + r, value[r], value[r + 1] if r < CUBIC else 0.0
+                value[r] = (x[i] - t[k]) / (t[k + degree] - t[k]) * of if r > CUBIC - degree else 0.0
+                if r < CUBIC:
+                    value[r] += (t[k + degree + 1] - x[i]) / (t[k + degree + 1] - t[k + 1]) * after
+        for r in range(CUBIC + 1):
+            rows[i, j + r - i] = value[r]
+
+
+@kernel
+def _solve(rows: Float, c: Float) -> None:
+    """Replace right sides c (n, d) by the solutions; without pivots, as the matrix is totally positive."""
+    size, components = c.shape
+    for i in range(size):
+        for below in range(i + 1, min(i + CUBIC + 1, size)):
+            factor = rows[below, CUBIC + i - below] / rows[i, CUBIC]
+            for k in range(CUBIC + 1):
+                rows[below, CUBIC + i - below + k] -= factor * rows[i, CUBIC + k]
+            for d in range(components):
+                c[below, d] -= factor * c[i, d]
+    for i in range(size - 1, -1, -1):
+        for d in range(components):
+            for k in range(1, min(CUBIC, size - 1 - i) + 1):
+                c[i, d] -= rows[i, CUBIC + k] * c[i + k, d]
+            c[i, d] /= rows[i, CUBIC]
+
+
 @kernel
 def _expand(t: Float, c: Float, degree: int, powers: Float) -> None:
     """Fill `powers` (n, 4, d): derivatives at each piece's first knot over factorials."""

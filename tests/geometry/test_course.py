@@ -251,12 +251,24 @@ def test_values_that_weigh_little_make_little_uncertain() -> None:
     y[30:33], u[30:33] = -0.16, 1.0
     beside = fit_course(s, y, u**2)
     assert (beside.u(s) < 2.0 * plain.u(s)).all()
+    y[28:35], u[28:35] = -1.2, 1.0
+    assert (fit_course(s, y, u**2).u(s) < 2.0 * plain.u(s)).all()
     s, group = np.tile(np.arange(0.0, 120.0, 0.2), 2), np.repeat([0, 1], 600)
     y = np.random.default_rng(79).normal(0.0, 0.004, s.size)
     y[300:303] += 0.8
     few = fit_course(s, y, np.full(s.size, 0.004**2), group).u(s)
     assert few[301] == pytest.approx(0.24, rel=0.3)
     assert np.median(few) < 0.002
+
+
+def test_how_far_passes_differ_is_told_by_what_knows_it() -> None:
+    """Frames at the end of a shadow show a sliver of a face: its direction is off by degrees, and says so."""
+    s, group = np.tile(np.arange(0.0, 120.0, 0.2), 2), np.repeat([0, 1], 600)
+    y, u = np.random.default_rng(80).normal(0.0, 0.01, s.size), np.full(s.size, 0.01)
+    y[590:600], u[590:600] = 3.0, 2.0
+    course = fit_course(s, y, u**2, group)
+    assert np.abs(course.value(s)).max() < 0.01
+    assert course.u(s).max() < 0.01
 
 
 def test_beyond_its_ends_it_goes_straight_on_and_is_known_less() -> None:

@@ -184,10 +184,10 @@ def _unfollowed(course: Course, bins: Bins, values: Values) -> Course:
         if count < LEAST_VALUES:
             continue
         size, sure, step = np.empty(count), np.empty(count), np.empty(count - 1)
-        _lasting(as_input(off[mine] * np.sqrt(weight[mine])[:, None]), sure, step)
         _lasting(as_input(off[mine]), size, step)
-        limit = max(AGREED * median(step), OUTLIER_SIGMAS * median(size) / 0.6745)
-        together[mine] = size * (size > limit) * (sure >= 1.0)  # values that know next to nothing depart from nothing
+        _lasting(as_input(off[mine] * np.sqrt(weight[mine])[:, None]), sure, step)
+        limit = max(1.0, AGREED * median(step), OUTLIER_SIGMAS * median(sure) / 0.6745)
+        together[mine] = size * (sure > limit)  # in their own noise: values that know little depart from little
     if not together.any():
         return course
     order, knots = np.argsort(values.s), course.spline.t
@@ -545,7 +545,7 @@ def _aligned(bins: Bins, bends: bool) -> tuple[Bins, float]:
     width = 2.0 * max(median(np.diff(bins.s[mine])) if mine.size > 1 else 0.0 for mine in of_pass) + 1e-9
     off, weight = np.zeros((passes.size, bins.y.shape[1])), np.zeros(passes.size)
     for k, mine in enumerate(of_pass):  # against each of the others, on the line between the two bins beside
-        total, count = np.zeros(bins.y.shape[1]), 0
+        total, known, count = np.zeros(bins.y.shape[1]), 0.0, 0
         for other in (one for j, one in enumerate(of_pass) if j != k):
             after = np.searchsorted(bins.s[other], bins.s[mine]).clip(1, max(other.size - 1, 1))
             near = (
@@ -554,15 +554,18 @@ def _aligned(bins: Bins, bends: bool) -> tuple[Bins, float]:
                 )
                 < width
             )
-            there = np.stack([np.interp(bins.s[mine], bins.s[other], y) for y in bins.y[other].T], axis=1)
+            both = *bins.y[other].T, bins.variance[other]
+            *there, variance = (np.interp(bins.s[mine], bins.s[other], of) for of in both)
             inside = near & (bins.s[mine] >= bins.s[other[0]]) & (bins.s[mine] <= bins.s[other[-1]])
-            total, count = total + (bins.y[mine] - there)[inside].sum(axis=0), count + int(inside.sum())
+            share = inside / (bins.variance[mine] + variance)  # frames beside a shadow show little of a face
+            total = total + share @ (bins.y[mine] - np.transpose(there))
+            known, count = known + float(share.sum()), count + int(inside.sum())
         if count >= LEAST_SHARED:
-            off[k], weight[k] = total, count
+            off[k], weight[k] = total, known
     if not (weight > 0).any():
         return _meeting(bins, of_pass) if bends else (bins, 0.0)
     # Each difference is against the others' mean: of g passes, g / (g - 1) times the pass's own offset.
-    off = off / np.maximum(weight, 1.0)[:, None] * (passes.size - 1) / passes.size
+    off = off / np.where(weight > 0.0, weight, 1.0)[:, None] * (passes.size - 1) / passes.size
     off[weight > 0] -= np.average(off, axis=0, weights=weight)
     number = np.searchsorted(passes, bins.group)
     seen = weight > 0

@@ -62,7 +62,9 @@ EXPLAINED = 0.15  # share of the twist that a better reading may leave
 SEEN_TWIST_DEG = 0.06  # what the best reading may leave of a twist, with that share of it
 SQUARER_DEG = 1.5  # by which a better reading may take the laser plane further from square
 VARIES_DEG = 0.05  # by which the obliquity may vary more under a better reading
-VARIED_DEG = 1.5  # from here on it is looked into why the obliquity varies: wavy edges vary by 1 to 6 under any reading
+# From here on it is looked into why the obliquity varies: wavy edges vary by 1 to 6 under any reading, a path through
+# points that were taught to 0.3 mm and 33 mm apart by up to 2.7.
+VARIED_DEG = 3.0
 STEADIER = 0.4  # share of that, and of its swing, which a better reading leaves: of sound scans chance leaves 0.64
 COARSE_MM = 0.02  # steps of ranges that bend faces, where another check fails
 COARSE, NARROWEST_MM = 25.0, 0.5  # a view narrower than usual that is scanned in steps of fewer columns is a true one

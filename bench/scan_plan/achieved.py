@@ -24,7 +24,7 @@ from workbench.robot.cell import ON_TURNTABLE, Shape
 from workbench.scan import read_hand_eye
 from workbench.scan_plan import ScanPlan, program
 from workbench.scan_plan.information import Joint, Knowledge, View, hidden_why
-from workbench.scan_plan.plan import Task, as_profiler, courses, planned
+from workbench.scan_plan.plan import Task, as_profiler, courses, planned, predicted
 from workbench.scan_plan.reach import scan_cell
 from workbench.scan_plan.way import EdgeLine, eyes_mm, view_poses
 from workbench.synthetic.workpiece import build_surface, edge_frames, pose
@@ -32,7 +32,7 @@ from workbench.units import DEG, Bool, Float
 
 HAND_EYE = CELL.parent.parent / "calibration" / "handeye.json"
 TAUGHT_MM = 0.3  # error of a taught point
-SIMULATORS = "analytic, sharp", "triangulated, sharp", "triangulated, a radius"
+SIMULATORS = "analytic, sharp", "triangulated, sharp", "triangulated, a radius", "the same, predicted with it"
 ENDS_MM = 4.0  # of the edge, where passes begin
 LIGHT_MM = 0.5  # beside a ray: the line's half width, and more than a point is taught wrong
 
@@ -57,6 +57,9 @@ def examine(seed: int) -> dict[str, Any]:
         if drawn.clamp_mm is None and not any(one.view.lead for one in made.passes):
             scanned = triangulated(drawn, made.joint, made.profiler, [one.view for one in made.passes], seed)
             found[SIMULATORS[1 + (drawn.radius_mm > 0.0)]] = _achieved(drawn, made, sensor, *scanned)
+            if drawn.radius_mm > 0.0:
+                told = predicted(task, made, 2 * [drawn.radius_mm])
+                found[SIMULATORS[3]] = _achieved(drawn, told, sensor, *scanned)
     return {**row, "simulators": found}
 
 

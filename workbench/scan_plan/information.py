@@ -141,7 +141,7 @@ class PassInformation:
 class Predicted(NamedTuple):
     """Predicted standard uncertainties of root face, mm, and bevel angle, deg."""
 
-    root_mm: float
+    root_mm: float  # root mean square over the edges that are held possible
     bevel_deg: float
     most_root_mm: float  # by the edge of the prior that hides most
 
@@ -302,17 +302,16 @@ def _templates(condition: EdgeCondition) -> EndTemplates:
 
 
 @functools.lru_cache(maxsize=32)
-def edges_of(condition: EdgeCondition) -> tuple[float, float]:
-    """Radii, mm, of the two edges that stand for the prior: half, and all but one of a hundred, have no more."""
+def edges_of(condition: EdgeCondition) -> tuple[float, ...]:
+    """Radii, mm, of the edges that stand for the prior: in the middle of either half, and one of a hundred has more."""
     prior, templates = PRIORS[condition], end_templates(PRIORS[condition])
     round_ = (templates.turn == 0.0) & (templates.size_mm > 0.0)
     along = np.append(0.0, np.cumsum(np.exp(templates.log_prior[round_])))
     size = np.append(0.0, templates.size_mm[round_])
-    half, most = np.interp(LEVELS, prior.sharp + (1.0 - prior.sharp) * along / along[-1], size).tolist()
-    return half, most
+    return tuple(np.interp(LEVELS, prior.sharp + (1.0 - prior.sharp) * along / along[-1], size).tolist())
 
 
-LEVELS = (0.5, 0.99)
+LEVELS = (0.25, 0.75, 0.99)
 
 
 def decay_columns(noise_columns: float) -> float:
@@ -353,8 +352,8 @@ def _broken(root_mm: float, profiler: Profiler, known: Knowledge, view: View, fr
     sizes = np.array(edges_of(known.edge_condition))
     # a pixel a column wide, which returns where half of it is filled
     usual = np.abs(blank.pixels[0] - [0.0, 0.5]).sum(axis=1).argmin()
-    none, most, pixel = np.zeros(2), np.full(2, MOST_INCIDENCE), np.full(2, usual)
-    depth, raised = rendered_end(blank, sizes, none, most, pixel, np.zeros(2, np.int64), none)
+    none, most, pixel = np.zeros(sizes.size), np.full(sizes.size, MOST_INCIDENCE), np.full(sizes.size, usual)
+    depth, raised = rendered_end(blank, sizes, none, most, pixel, np.zeros(sizes.size, np.int64), none)
     return tuple(seen_end(blank._replace(known=blank.known._replace(mean=mean)), templates) for mean in depth - raised)
 
 
@@ -405,14 +404,14 @@ def _end_u_mm(one: PassInformation) -> float:
 
 
 def _rounding(known: Knowledge, passes: Sequence[PassInformation], count: Float) -> tuple[float, float, Float]:
-    """What passes with `count` (k,) frames leave open of the broken end, of the first edge, and of either at most, mm.
+    """What passes with `count` (k,) frames leave open of the broken end, mm: over the prior (rms), and at most.
 
     And the passes' weights (k,).
     """
     hidden = _hidden_u_mm(known, passes)
     share = weights(np.zeros(len(passes)), np.sqrt(np.mean(hidden**2, axis=0)))
     left = hidden @ (share * count) / (share * count).sum()
-    return float(left[0]), float(left.max()), share
+    return float(np.sqrt(np.mean(left[:-1] ** 2))), float(left.max()), share
 
 
 def _hidden_u_mm(known: Knowledge, passes: Sequence[PassInformation]) -> Float:

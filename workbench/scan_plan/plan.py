@@ -90,6 +90,7 @@ class ScanPass:
     """One pass of a plan, k stations."""
 
     view: View
+    turned: bool  # by half a turn about the rays
     edge: EdgeLine  # its stations, those beyond the ends included
     base_from_view: Shaped[Float, "k 4 4"]
     sees: Shaped[Bool, " s"]  # of the plan's stations
@@ -379,7 +380,7 @@ def planned(task: Task, place: Cell | None, unchecked: tuple[str, ...] = ()) -> 
     if not promised:
         _rehearse(task, min(offered.values(), key=lambda one: one[0])[1], learned, tried, last=True)
     best = min(tried.values(), key=lambda one: _shortfall(one.made))
-    made = dataclasses.replace(_predicted(task, best.made), scan_cell=place, unchecked=unchecked)
+    made = dataclasses.replace(predicted(task, best.made), scan_cell=place, unchecked=unchecked)
     if made.reached.all():
         return made
     would_help = () if made.refused else tuple(_help(task, best.search, best.chosen))
@@ -523,16 +524,21 @@ def _rehearsal(task: Task, passes: tuple[ScanPass, ...], supposed: Supposed) -> 
     led = []
     for one in passes:
         at = line.at(share * one.edge.arc_length_mm)
-        poses = view_poses(at, task.joint, task.profiler, one.view, False, line.length_mm)
+        poses = view_poses(at, task.joint, task.profiler, one.view, one.turned, line.length_mm)
         led.append(dataclasses.replace(one, base_from_view=poses))
     sees = np.stack([one.sees for one in passes])
     return rehearsed(*task[:3], _followed(task.profiler, led, True, ""), sees, stations, supposed)
 
 
-def _predicted(task: Task, made: ScanPlan) -> ScanPlan:
-    """The plan with what is predicted of a usual edge, by two draws of noise: one alone may be odd everywhere."""
-    usual = edges_of(task.known.edge_condition)[0]
-    one, other = (_rehearsal(task, made.passes, Supposed(usual, 0.0, draw)) for draw in range(2))
+def predicted(task: Task, made: ScanPlan, radii: Sequence[float] = ()) -> ScanPlan:
+    """The plan with what is predicted: the root mean square over two radii of the lower edge, each a draw of noise.
+
+    None given: those in the middle of either half of what is held possible.
+    """
+    one, other = (
+        _rehearsal(task, made.passes, Supposed(radius, 0.0, draw))
+        for draw, radius in enumerate(radii or edges_of(task.known.edge_condition)[:-1])
+    )
     refused = made.refused or one.refused or other.refused
     return dataclasses.replace(
         made, root=pooled(one.root, other.root), bevel=pooled(one.bevel, other.bevel), refused=refused
@@ -546,7 +552,7 @@ def _pass(task: Task, looked: _Looked, k: int) -> ScanPass:
     ends = max(seen[0] - STATION_MM, 0.0) - OVERRUN_MM, min(seen[-1] + STATION_MM, task.edge.length_mm) + OVERRUN_MM
     at = task.edge.at(np.linspace(*ends, max(3, round(ends[1] - ends[0]) + 1)))
     poses = view_poses(at, task.joint, task.profiler, view, candidate.turned, task.edge.length_mm)
-    return ScanPass(view, at, poses, sees, speed, drift_mm(task.profiler, view), candidate.seconds)
+    return ScanPass(view, candidate.turned, at, poses, sees, speed, drift_mm(task.profiler, view), candidate.seconds)
 
 
 def _binds(task: Task, looked: _Looked, made: ScanPlan) -> Iterator[str]:

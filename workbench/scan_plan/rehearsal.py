@@ -2,9 +2,9 @@
 
 The joint is straight, its root face as rough as declared. Each pass is led along it as planned and sees it where the
 plan says so. What the engine then says of it is what it will say of the part: its own windows, priors and ways to put
-passes together. Predicted is the median over stations with the first of the radii that stand for what is held possible
-of the lower edge (`information.edges_of`); promised is that with the last one and a wave of the root face, and
-`information.RESERVE`.
+passes together. Predicted is the median over stations, root mean square over the radii that stand for what is held
+possible of the lower edge (`information.edges_of`), but for the last; promised is that with the last one and a wave of
+the root face, and `information.RESERVE`.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from bench.peers.genetic import evolve
 from bench.tables import markdown
 from workbench.geometry.poses import pose_from, rotation_from_rpy, rotation_from_vector, rpy_from_rotation
 from workbench.marks import FACES, GREY, MEASURED
-from workbench.plugins.calibration.methods import BOX_MM, Centres, _Pairs, translation
+from workbench.plugins.calibration.methods import BOX_MM, Centres, Pairs, translation, translation_cost
 from workbench.units import DEG, Float
 
 CENTER_MM = np.array([1890.33, 241.48, 1079.72])  # the paper's sphere
@@ -84,9 +84,8 @@ def vol_mm(pose: Float) -> float:
 
 def sharing(seen: Centres) -> tuple[Float, Float]:
     """Of pairs that share the orientation: differences in the profiler and in the flange frame (k, 3)."""
-    pairs = _Pairs(seen)
-    keep = np.abs(pairs.project - np.eye(3)).max(axis=(1, 2)) < 1e-9
-    return pairs.seen_by[keep], pairs.moved[keep]
+    pairs = Pairs(seen)
+    return pairs.seen_by[pairs.shared], pairs.moved[pairs.shared]
 
 
 def analytic(seen: Centres) -> Float:
@@ -105,13 +104,12 @@ def turn_cost(seen: Centres, rotations: Float) -> Float:
 
 def genetic(seen: Centres, design: Float, box_deg: float, rng: np.random.Generator) -> Float:
     """The genetic algorithm, 100 generations of 100, within `box_deg` and 50 mm about the design."""
-    pairs = _Pairs(seen)
 
     def cost(genes: Float) -> Float:
         return turn_cost(seen, np.array([rotation_from_rpy(*one) for one in genes]))
 
     R = rotation_from_rpy(*evolve(cost, np.array(rpy_from_rotation(design[:3, :3])), box_deg * DEG, rng))
-    return pose_from(R, evolve(lambda genes: pairs.translation_cost(R, genes), design[:3, 3], BOX_MM, rng))
+    return pose_from(R, evolve(lambda genes: translation_cost(R, genes, seen), design[:3, 3], BOX_MM, rng))
 
 
 TITLES = {False: "three postures, three times each", True: "three orientations, three places each"}

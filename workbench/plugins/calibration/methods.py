@@ -46,6 +46,25 @@ class Centres:
         return cls(P, base_from_flange[:, :3, :3], base_from_flange[:, :3, 3])
 
 
+class Pairs:
+    """All pairs of postures, prepared for equation (6)."""
+
+    def __init__(self, seen: Centres) -> None:
+        i, j = np.triu_indices(len(seen.P), 1)
+        turn = vector(np.swapaxes(seen.r[i], 1, 2) @ seen.r[j])
+        angle = np.linalg.norm(turn, axis=1)
+        axis = turn / np.maximum(angle, 1e-12)[:, None]
+        self.shared = angle < SHARED_RAD  # orientation: (6) holds along all axes, else along that of the turn
+        self.project = np.where(self.shared[:, None, None], np.eye(3), axis[:, :, None] * axis[:, None, :])
+        self.seen_by = seen.P[i] - seen.P[j]
+        self.moved = np.einsum("kji,kj->ki", seen.r[i], seen.t[j] - seen.t[i])
+
+    def residual(self, R: Float) -> Float:
+        """Residuals (s, 3 pairs) of equation (6), as it holds for any pair, for rotations (s, 3, 3)."""
+        off = np.einsum("sab,kb->ska", R, self.seen_by) - self.moved
+        return np.asarray(np.einsum("kab,skb->ska", self.project, off).reshape(len(R), -1))
+
+
 def translation(R: Float, seen: Centres) -> Float:
     """t (3,) given R: linear least squares on r_i t - C = -(r_i R P_i + t_i), equation (8) with C kept."""
     k = len(seen.P)
@@ -54,19 +73,21 @@ def translation(R: Float, seen: Centres) -> Float:
     return np.asarray(np.linalg.lstsq(matrix, side, rcond=None)[0][:3])
 
 
+def translation_cost(R: Float, t: Float, seen: Centres) -> Float:
+    """Sum of squares (s,) of equation (8) over all pairs, for translations (s, 3): k times that about the mean."""
+    base = np.einsum("kab,skb->ska", seen.r, seen.P @ R.T + t[:, None]) + seen.t
+    return np.asarray(len(seen.P) * np.sum((base - base.mean(axis=1, keepdims=True)) ** 2, axis=(1, 2)))
+
+
 def analytic(seen: Centres, where: str = "postures") -> Float:
     """Hand-eye pose (4, 4): Kabsch on the pairs of pure translation, then the translation by linear least squares.
 
     Raises:
         InputError: the pairs that share the flange's orientation do not span two directions.
     """
-    i, j = np.triu_indices(len(seen.P), 1)
-    turn = np.linalg.norm(vector(np.swapaxes(seen.r[i], 1, 2) @ seen.r[j]), axis=1)
-    i, j = i[turn < SHARED_RAD], j[turn < SHARED_RAD]
-    seen_by = seen.P[i] - seen.P[j]
-    moved = np.einsum("kji,kj->ki", seen.r[i], seen.t[j] - seen.t[i])
-    U, size, V = np.linalg.svd(moved.T @ seen_by)
-    if len(i) < 2 or size[1] < 1e-3 * size[0]:
+    pairs = Pairs(seen)
+    U, size, V = np.linalg.svd(pairs.moved[pairs.shared].T @ pairs.seen_by[pairs.shared])
+    if pairs.shared.sum() < 2 or size[1] < 1e-3 * size[0]:
         raise InputError(
             where,
             "method 'analytic' needs postures that share the flange's orientation, moved in two "
@@ -82,27 +103,27 @@ def genetic(design: Float, seen: Centres, seed: int) -> Float:
     Floating-point genes within a box about the design; differential evolution (Storn and Price 1997), as scipy
     keeps it, with 100 generations of 100.
     """
-    pairs = _Pairs(seen)
+    pairs = Pairs(seen)
     rpy = np.array(rpy_from_rotation(design[:3, :3]))
 
     def rotation(genes: Float) -> Float:
         return np.array([rotation_from_rpy(*one) for one in np.atleast_2d(genes.T)])
 
-    angles = _evolve(lambda genes: np.sum(pairs.rotation_residual(rotation(genes)) ** 2, axis=1), rpy, BOX_RAD, seed)
+    angles = _evolve(lambda genes: np.sum(pairs.residual(rotation(genes)) ** 2, axis=1), rpy, BOX_RAD, seed)
     R = rotation_from_rpy(*angles)
-    shift = _evolve(lambda genes: pairs.translation_cost(R, np.atleast_2d(genes.T)), design[:3, 3], BOX_MM, seed)
+    shift = _evolve(lambda genes: translation_cost(R, np.atleast_2d(genes.T), seen), design[:3, 3], BOX_MM, seed)
     return pose_from(R, shift)
 
 
 def two_step(start: Float, seen: Centres) -> Float:
     """Where the genetic algorithm's objectives have their minimum near `start`: what it would find given for ever."""
-    pairs = _Pairs(seen)
+    pairs = Pairs(seen)
 
     def residual(step: Float) -> Float:
-        return np.asarray(pairs.rotation_residual((rotation_from_vector(step) @ start[:3, :3])[None])[0])
+        return np.asarray(pairs.residual((rotation_from_vector(step) @ start[:3, :3])[None])[0])
 
     R = rotation_from_vector(scipy.optimize.least_squares(residual, np.zeros(3), method="lm").x) @ start[:3, :3]
-    return pose_from(R, pairs.best_translation(R))
+    return pose_from(R, translation(R, seen))
 
 
 def propagated(rule: Callable[[Centres], Float], seen: Centres, covariance: Float) -> Float:
@@ -118,40 +139,6 @@ def propagated(rule: Callable[[Centres], Float], seen: Centres, covariance: Floa
 
     slope = estimator.jacobian_of(moved, np.full(seen.P.size, STEP_MM)).reshape(6, -1, 3)
     return np.asarray(np.einsum("pki,kij,qkj->pq", slope, covariance, slope))
-
-
-class _Pairs:
-    """All pairs of postures, prepared for equations (6) and (8)."""
-
-    def __init__(self, seen: Centres) -> None:
-        i, j = np.triu_indices(len(seen.P), 1)
-        turn = vector(np.swapaxes(seen.r[i], 1, 2) @ seen.r[j])
-        angle = np.linalg.norm(turn, axis=1)
-        axis = turn / np.maximum(angle, 1e-12)[:, None]
-        along = axis[:, :, None] * axis[:, None, :]
-        self.project = np.where((angle < SHARED_RAD)[:, None, None], np.eye(3), along)  # (6): which part holds
-        self.seen_by = seen.P[i] - seen.P[j]
-        self.moved = np.einsum("kji,kj->ki", seen.r[i], seen.t[j] - seen.t[i])
-        self.difference = seen.r[j] - seen.r[i]
-        self.i, self.j, self.seen = i, j, seen
-
-    def rotation_residual(self, R: Float) -> Float:
-        """Residuals (s, 3 pairs) of equation (6), as it holds for any pair, for rotations (s, 3, 3)."""
-        off = np.einsum("sab,kb->ska", R, self.seen_by) - self.moved
-        return np.asarray(np.einsum("kab,skb->ska", self.project, off).reshape(len(R), -1))
-
-    def _side(self, R: Float) -> Float:
-        turned = (self.seen.r @ (self.seen.P @ R.T)[..., None])[..., 0] + self.seen.t
-        return np.asarray(turned[self.i] - turned[self.j])
-
-    def translation_cost(self, R: Float, t: Float) -> Float:
-        """Sum of squares of equation (8) for translations (s, 3)."""
-        off = np.einsum("kab,sb->ska", self.difference, t) - self._side(R)
-        return np.asarray(np.sum(off**2, axis=(1, 2)))
-
-    def best_translation(self, R: Float) -> Float:
-        """Its minimum."""
-        return np.asarray(np.linalg.lstsq(self.difference.reshape(-1, 3), self._side(R).ravel(), rcond=None)[0])
 
 
 def _evolve(cost: Callable[[Float], Float], middle: Float, half: float, seed: int) -> Float:

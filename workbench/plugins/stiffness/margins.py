@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.api import AnyArray, Cell, Chain, Cutter, Float, InputError, Int, Shaped, Toolpath
+from workbench.api import AnyArray, Cell, Chain, Cutter, Float, InputError, Int, Shaped, Toolpath, estimator
 from workbench.plugins.stiffness.dynamics import at_tool
 from workbench.plugins.stiffness.stability import Dynamics, Milling, limits, milling, screened
 from workbench.plugins.stiffness.values import CuttingProcess, MillingForce, RobotModes
@@ -133,19 +133,14 @@ def is_stable(
 
 def u_of_modes(chain: Chain, modes: RobotModes, cuts: Cuts, joints: Float, way: int = 0) -> Float:
     """Standard uncertainty (m,) of the logarithm of the limit by masses, stiffness and damping, by the screen."""
-    values, vectors = np.linalg.eigh(modes.covariance)
-    large = values > 1e-12 * max(values.max(), 1e-300)
 
-    def fast(step: Float) -> Float:
-        return np.asarray(np.log(screen_limits(cuts.dynamics(chain, modes.moved(step), joints), cuts, way)))
+    def limit(step: Float) -> Float:
+        return np.log(screen_limits(cuts.dynamics(chain, modes.moved(step), joints), cuts, way))[:, None]
 
-    total = np.zeros(len(joints))
-    for value, direction in zip(values[large], vectors.T[large], strict=True):
-        step = min(np.sqrt(value), STEP) * direction
-        with np.errstate(invalid="ignore", divide="ignore"):
-            slope = (fast(step) - fast(-step)) / (2 * np.linalg.norm(step))
-        total += value * np.nan_to_num(slope, posinf=0.0, neginf=0.0) ** 2
-    return np.sqrt(total)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        slope = estimator.jacobian_of(limit, np.full(len(modes.covariance), STEP))
+    slope = np.nan_to_num(slope[:, 0], posinf=0.0, neginf=0.0)
+    return np.asarray(np.sqrt(np.einsum("mp,pq,mq->m", slope, modes.covariance, slope)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict, replace
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from pydantic import Field
 
 from workbench.api import (
     Document,
@@ -41,23 +39,19 @@ class HeldOut(NamedTuple):
     freedom: int
 
 
-def by_folds(estimate: Estimate, seen: Observations, noise: Noise, folds: int, source: str) -> tuple[str, HeldOut]:
-    """Leave parts out in turn, whole passes together: each is predicted from a fit of all the others."""
-    passes = [*seen.here.still[:, None], *(scan.rows for scan in seen.here.scans)]  # each posture, each scan
-    count = len(passes)
-    parts = min(folds, count) if folds > 1 else count
-    if count - math.ceil(count / parts) < MIN_POSTURES:
+def each_held_out(estimate: Estimate, seen: Observations, noise: Noise, source: str) -> HeldOut:
+    """Each posture, and each scan as a whole, predicted from a fit of all the others."""
+    passes = [*seen.here.still[:, None], *(scan.rows for scan in seen.here.scans)]
+    if len(passes) <= MIN_POSTURES:
         raise InputError(
             f"{source}: /robot",
-            f"{count} postures are too few to hold {math.ceil(count / parts)} out: "
-            f"expected {MIN_POSTURES} others at least",
+            f"{len(passes)} postures are too few to hold 1 out: expected {MIN_POSTURES} others at least",
         )
-    outs = [np.isin(np.arange(len(seen)), np.concatenate(passes[part::parts])) for part in range(parts)]
+    outs = [np.isin(np.arange(len(seen)), one) for one in passes]
     each = [_predicted(estimator.fit(Sphere(seen, noise), estimate, ~out), seen.subset(out), noise) for out in outs]
-    order = np.argsort(np.concatenate([np.flatnonzero(out) for out in outs]))
+    order = np.argsort(np.concatenate(passes))
     residual, covariance, y = (np.concatenate(part)[order] for part in list(zip(*each, strict=True))[:3])
-    how = "each posture predicted from the others" if parts == count else f"held out in {parts} parts"
-    return how, HeldOut(residual, covariance, y, sum(one.chi2 for one in each), 3 * len(seen))
+    return HeldOut(residual, covariance, y, sum(one.chi2 for one in each), 3 * len(seen))
 
 
 def _predicted(fitted: estimator.Fit[Estimate], out: Observations, noise: Noise) -> HeldOut:
@@ -95,19 +89,16 @@ def validate(
     calibration: Calibration,
     profiles: SphereProfiles,
     recording: Recording,
-    *,
-    folds: Annotated[int, Field(ge=0, le=100)] = 0,
 ) -> tuple[Validation, Document]:
     """Measure the calibration's error on held-out postures: predicted against measured sphere centres.
 
-    Postures are left out part by part and predicted from a fit of the others; in a second recording only the sphere's
-    place is fitted.
+    Each posture, or scan, is predicted from a fit of the others; in a second recording only the sphere's place is
+    fitted.
 
     Args:
         calibration: what to validate.
         profiles: circles of the recording to validate on.
         recording: the calibration's own, or a second one.
-        folds: number of parts of the calibration's recording held out in turn; 0: each posture by itself.
 
     Raises:
         InputError: too few postures to hold any out.
@@ -126,7 +117,7 @@ def validate(
     noise = replace(calibration.noise, radius_mm=profiles.sphere_diameter_mm / 2)
     if recording.source == calibration.hand_eye.source:
         seen = seen.subset(calibration.used)
-        how, held = by_folds(estimate, seen, noise, folds, recording.source)
+        how, held = "each posture predicted from the others", each_held_out(estimate, seen, noise, recording.source)
     else:
         how = f"a second recording, {recording.source}"
         held = second_recording(calibration, estimate, seen, noise, recording.source)

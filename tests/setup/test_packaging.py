@@ -36,7 +36,8 @@ MODULE_OF = {
     "pin": "pinocchio",
     "python-fcl": "fcl",
 }
-COMPANIONS = {"markupsafe", "mpl_toolkits", "pydantic_core", "vtkmodules"}  # of jinja2, matplotlib, pydantic, pyvista
+# of numba, jinja2, matplotlib, pydantic and pyvista
+COMPANIONS = {"llvmlite", "markupsafe", "mpl_toolkits", "pydantic_core", "vtkmodules"}
 BY_FSSPEC = {"s3fs"}
 
 

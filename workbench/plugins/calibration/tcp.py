@@ -53,6 +53,7 @@ LEAST_TOUCHES = 4
 ALONE_MM = 1e-3  # of a typed reference by itself
 SAME_POSTURE = 1.0 * DEG  # between touches of one tool point and reference, that count as one
 STAND_OFF = "stand_off_mm"
+ANYWHERE = 100.0  # radii of a ball: standard deviation of where on it the tool point lies
 FAR_BETTER = 0.25  # a misfit over another's: touches along the tool fit its mirror image, beyond the ball, as well
 
 
@@ -260,29 +261,16 @@ class _Touching:
         self.prior[np.ix_(held, held)] = np.linalg.inv(touches.known_covariance)
         self.expected[held] = touches.known_mm[known].ravel()
 
-    def apart(self, x: Float) -> Float:
-        """Of the tool points from their references (n, 3)."""
-        return np.asarray(self.slope @ x + self.position - self.offset)
-
     def rows(self, x: Float) -> estimator.Rows:
-        """Residuals: of a point touched its place, of a ball the distance from it, in the first of the three."""
-        apart, slope, ball = self.apart(x), self.slope, self.ball_mm > 0.0
+        """Residuals from where the tool point should be: of a ball, its nearest place, with any other as good."""
+        apart = self.slope @ x + self.position - self.offset
+        way = apart / np.maximum(np.linalg.norm(apart, axis=1), 1e-12)[:, None]
         lever = np.einsum("nij,nj->ni", self.rotation, x.reshape(-1, 3)[self.tool_point])
-        covariance = turned_noise(lever, *self.noise)
-        residual, values = -apart, np.where(ball, 1, 3) / self.alike
-        if ball.any():
-            length = np.maximum(np.linalg.norm(apart[ball], axis=1), 1e-12)
-            way = apart[ball] / length[:, None]
-            slope = slope.copy()
-            residual[ball], residual[ball, 0] = 0.0, self.ball_mm[ball] - length
-            across = np.einsum("ni,nij,nj->n", way, covariance[ball], way)
-            covariance[ball] = np.eye(3)
-            covariance[ball, 0, 0] = across
-            along = np.einsum("ni,nij->nj", way, slope[ball])
-            slope[ball] = 0.0
-            slope[ball, 0] = along
-        covariance = covariance * self.alike[:, None, None]
-        return estimator.Rows(residual, slope, covariance, values, self.prior, self.expected - x)
+        round_it = (ANYWHERE * self.ball_mm[:, None, None]) ** 2 * (np.eye(3) - way[:, :, None] * way[:, None, :])
+        covariance = (turned_noise(lever, *self.noise) + round_it) * self.alike[:, None, None]
+        values = np.where(self.ball_mm > 0.0, 1, 3) / self.alike
+        residual = self.ball_mm[:, None] * way - apart
+        return estimator.Rows(residual, self.slope, covariance, values, self.prior, self.expected - x)
 
     def moved(self, x: Float, step: Float) -> Float:
         """All unknowns are lengths."""

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.api import Bool, Float, Int, Recording, Shaped, estimator, rotation_from_vector
+from workbench.api import Float, Int, Recording, Shaped, estimator, rotation_from_vector
 from workbench.plugins.calibration.model import MOST_TURN, Estimate, Noise
-from workbench.plugins.calibration.observations import Flange, Timed, flange_of, sharing
+from workbench.plugins.calibration.observations import Flange, Timed, flange_of, grouped, sharing
 from workbench.plugins.calibration.profile_lines import Marks, Target
 
 START_ROUNDS = 4  # of the directions of lines, in turn with the translation
@@ -197,24 +197,12 @@ def part_of(
 ) -> tuple[Part, Int]:
     """The marks joined with the flange's poses, repeats of a posture averaged; and the frame that each begins with.
 
-    Frames nearer than `search_s` to the ends of their pass's poses are left out: the clocks may be so far apart.
+    `search_s`: by which the clocks may be apart.
     """
-    numbers, count = np.unique(recording.robot_pass, return_counts=True)
-    number, time = recording.pass_index[marks.frame], recording.time_s[marks.frame]
-    keep: Bool = np.ones(len(number), bool)
-    groups = []
-    for this, poses in zip(numbers, count, strict=True):
-        rows = np.flatnonzero(number == this)
-        if poses == 1:
-            groups += [rows] if len(rows) else []
-            continue
-        if search_s:
-            when = recording.robot_time_s[recording.robot_pass == this]
-            keep[rows] = (time[rows] > when[0] + search_s) & (time[rows] < when[-1] - search_s)
-        groups += list(rows[keep[rows]][:, None])
+    groups = grouped(recording, marks.frame, search_s)
     means = [(marks.point_mm[g].mean(0), marks.covariance[g].mean(0) / len(g), marks.rms_mm[g].mean()) for g in groups]
-    first = np.array([g[0] for g in groups], int)
+    first = marks.frame[[g[0] for g in groups]]
     points, covariance, rms = (np.array(one) for one in zip(*means, strict=True))
-    joined = marks._replace(frame=marks.frame[first], point_mm=points, covariance=covariance, rms_mm=rms)
-    flange = flange_of(recording, time[first], number[first], search_s > 0)
-    return Part(joined, target, flange, noise, scale_u), marks.frame[first]
+    joined = marks._replace(frame=first, point_mm=points, covariance=covariance, rms_mm=rms)
+    flange = flange_of(recording, recording.time_s[first], recording.pass_index[first], search_s > 0)
+    return Part(joined, target, flange, noise, scale_u), first

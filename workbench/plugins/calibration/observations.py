@@ -221,16 +221,26 @@ def flange_of(recording: Recording, time_s: Float, number: Int, own_clock: bool)
     return timed if own_clock and moves else timed.at(0.0)
 
 
+def grouped(recording: Recording, frame: Int, search_s: float = 0.0) -> list[Int]:
+    """Rows of frames (n,) that are one observation: all of a posture held still, each of a scan.
+
+    Without those nearer than `search_s` to the ends of their scan's poses: the clocks may be so far apart.
+    """
+    number, time, groups = recording.pass_index[frame], recording.time_s[frame], list[Int]()
+    for this in np.unique(number):
+        rows, when = np.flatnonzero(number == this), recording.robot_time_s[recording.robot_pass == this]
+        if len(when) == 1:
+            groups.append(rows)
+            continue
+        inside = (time[rows] > when[0] + search_s) & (time[rows] < when[-1] - search_s)
+        groups += list(rows[inside | (search_s == 0.0)][:, None])
+    return groups
+
+
 def by_pass(profiles: SphereProfiles, recording: Recording) -> Observations:
     """Circles in the order of their passes; the repeats of a posture held still averaged."""
-    numbers, count = np.unique(recording.robot_pass, return_counts=True)
-    number = recording.pass_index[profiles.frame]
     groups, rejected = list[Int](), list[Rejected]()
-    for this in np.unique(number):
-        rows = np.flatnonzero(number == this)
-        if count[numbers == this] > 1:
-            groups += list(rows[:, None])
-            continue
+    for rows in grouped(recording, profiles.frame):
         good = _agreeing(profiles.circle[rows], profiles.covariance[rows])
         groups.append(rows[good])
         rejected += [Rejected(f, "contradicts the other repeats of its posture") for f in profiles.frame[rows[~good]]]

@@ -31,7 +31,6 @@ BEYOND = 24  # vectors of the Krylov space beyond twice the modes: what is delay
 RATIO = 1.2  # between neighbouring depths of the search
 SMALLEST = 1e-3  # of the first depth: as if unstable from there on, where it is
 EXACT = 3e-3  # of a limit
-INVARIANT = 1e-13  # of a unit vector, what is left of the next one
 ON_AXIS = 1e-6  # of a mode's frequency: growth that counts for none where nothing damps
 CROSSES = 1e-4  # of a depth, its imaginary part, that is rounding or as good as a crossing
 
@@ -168,7 +167,6 @@ class Judge:
         self.last = through[:, 2 * n + 3 :]  # by the force at the step's end
         self.first = through[:, 2 * n : 2 * n + 3] - self.last
         self.seen = np.hstack([dynamics.shape[0, :2], np.zeros((2, n))])
-        self.size = min(2 * n + 2 * self.steps, 2 * n + BEYOND)
 
     def radius(self, depth_mm: Float) -> Float:
         """At depths (d,): above 1, the cut is unstable."""
@@ -180,8 +178,10 @@ class Judge:
         at_start = self.first @ push
         own, late = whole @ (self.free + at_start @ self.seen), np.concatenate([at_start, at_end], axis=3)
         steps = np.concatenate([own, -whole @ late], axis=3)
-        made = _hessenbergs(_period(steps, self.seen), self.size)
-        return np.asarray(np.abs(np.linalg.eigvals(made)).max(axis=1))
+        maps, count = _period(steps, self.seen), len(self.free) + BEYOND
+        begin = np.cos(np.arange(maps.shape[1]) ** 2)
+        roots = [scipy.sparse.linalg.eigs(one, 1, ncv=count, v0=begin, return_eigenvectors=False) for one in maps]
+        return np.asarray(np.abs(roots))[:, 0]
 
 
 def _period(steps: Float, seen: Float) -> Float:
@@ -198,25 +198,6 @@ def _period(steps: Float, seen: Float) -> Float:
         was[:, k] = seen @ state
         state = steps[:, k, :, :n] @ state + steps[:, k, :, n:] @ then[k : k + 2].reshape(4, -1)
     return np.concatenate([state, was.reshape(d, 2 * count, -1)], axis=1)
-
-
-def _hessenbergs(maps: Float, size: int) -> Float:
-    """Arnoldi's projections (d, size, size) of maps (d, w, w)."""
-    found, space = np.zeros((len(maps), size, size)), np.zeros((len(maps), size + 1, maps.shape[1]))
-    begin = np.cos(1.0 + 0.7 * np.arange(maps.shape[1]) ** 2)
-    space[:, 0] = begin / np.linalg.norm(begin)
-    for c in range(size):
-        after = (maps @ space[:, c, :, None])[..., 0]
-        for _ in range(2):  # against each before it, twice (Kahan)
-            share = (space[:, : c + 1] @ after[..., None])[..., 0]
-            after -= (share[:, None] @ space[:, : c + 1])[:, 0]
-            found[:, : c + 1, c] += share
-        length = np.linalg.norm(after, axis=1)
-        length[length < INVARIANT] = np.inf  # the space is complete: what is left of the matrix is zero
-        space[:, c + 1] = after / length[:, None]
-        if c + 1 < size:
-            found[:, c + 1, c] = np.where(np.isfinite(length), length, 0.0)
-    return found
 
 
 def screened(dynamics: Dynamics, cut: Milling, largest_mm: float, *, regeneration: bool = True) -> Float:

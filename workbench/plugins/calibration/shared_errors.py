@@ -45,7 +45,6 @@ LENIENT = 4.0  # what a posture may be off over the robot's noise before it is g
 ROUNDS = 2  # of linearisation
 HIDDEN = 6.0  # how much larger an error may be than its residuals, before it is unlikely: the pose takes up most
 RAD_PER_MM = 1e-3  # flange positions a metre apart are as far as orientations a radian apart
-ROUNDING = 1e-9  # of a correlation matrix' diagonal
 
 
 @dataclass(frozen=True)
@@ -178,8 +177,8 @@ def _over_postures(estimate: Estimate, here: Observations, noise: Noise, kernel:
     """The model about an estimate where position errors of a covariance (k, k), along each axis, are common to all."""
     linear, count = linearise(estimate, here, noise), len(here)
     own = linear.by_pose * noise.spread
-    factor = np.linalg.cholesky(kernel + ROUNDING * np.eye(count))
-    whole = np.einsum("kij,kb->kibj", linear.by_pose[..., :3], factor).reshape(count, 3, -1)
+    ways, size, _ = np.linalg.svd(kernel, hermitian=True)
+    whole = np.einsum("kij,kb->kibj", linear.by_pose[..., :3], ways * np.sqrt(size)).reshape(count, 3, -1)
     alone = linear.covariance - own @ np.swapaxes(own, 1, 2)
     shared = estimator.Shared(np.arange(count), alone, own, np.arange(count), np.zeros(count), count, whole)
     return replace(rows_of(linear, here, noise, estimate.radius_mm), shared=(shared,)).normal()

@@ -25,7 +25,8 @@ def told(
     frames: int = FRAMES,
     mirrored: bool = False,
     lost: int = 0,
-) -> Check:
+    wide_mm: float = 3.0,
+) -> tuple[Check, Check]:
     """Of a root face at 20 deg, and beyond its end and a gap of columns a run so far beside it in most frames."""
     rng = np.random.default_rng(2)
     along = PITCH_MM * np.arange(BEVEL + FACE + 80)
@@ -44,13 +45,14 @@ def told(
     cloud: Any = SimpleNamespace(
         x_mm=x[:, order].astype(np.float32), z_mm=z[:, order].astype(np.float32), keep=keep[:, order].copy()
     )
-    return beside_check(cloud, labels[:, order].copy())
+    return beside_check(cloud, labels[:, order].copy(), wide_mm)
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("off_mm", [0.1, -0.1, 1.0, -2.9])
 def test_what_runs_beside_the_face_is_told_and_how_far(off_mm: float, mirrored: bool) -> None:
-    found = told(off_mm, mirrored=mirrored)
+    found, behind = told(off_mm, mirrored=mirrored)
+    assert behind.value == 0.0
     assert found.value == 1.0
     assert not found.passed
     told_mm = re.match(r"in 100 % of the frames returns run parallel to the root face, (\S+) mm beside", found.finding)
@@ -58,9 +60,16 @@ def test_what_runs_beside_the_face_is_told_and_how_far(off_mm: float, mirrored: 
     assert float(told_mm[1]) == pytest.approx(abs(off_mm), abs=0.01)
 
 
+def test_what_runs_farther_behind_than_the_face_is_wide_is_another_body() -> None:
+    step, behind = told(-2.9, wide_mm=2.0)
+    assert step.passed
+    assert behind.passed
+    assert behind.value == pytest.approx(2.9, abs=0.01)
+
+
 def test_its_share_is_that_of_the_frames() -> None:
-    assert told(lost=5).value == pytest.approx(0.75)
-    assert told(lost=FRAMES).value == 0.0
+    assert told(lost=5)[0].value == pytest.approx(0.75)
+    assert told(lost=FRAMES)[0].value == 0.0
 
 
 @pytest.mark.parametrize(
@@ -77,18 +86,18 @@ def test_its_share_is_that_of_the_frames() -> None:
     ],
 )
 def test_what_counts_as_a_run(of: dict[str, Any], share: float) -> None:
-    assert told(**of).value == share
+    assert told(**of)[0].value == share
 
 
 def test_two_returns_a_frame_on_one_level_are_told_too() -> None:
-    found = told(off_mm=1.02, count=2)
+    found, _ = told(off_mm=1.02, count=2)
     assert found.value == 1.0
     assert "a table or a strip right below" in found.finding  # which two returns a frame show as a level
 
 
 @pytest.mark.parametrize(("frames", "judged"), [(3, False), (4, True)])
 def test_few_frames_judge_nothing(frames: int, judged: bool) -> None:
-    assert (told(frames=frames).value is not None) is judged
+    assert (told(frames=frames)[0].value is not None) is judged
 
 
 def test_returns_on_one_level_beside_a_face_are_told_by_their_share_and_height() -> None:

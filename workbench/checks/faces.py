@@ -42,6 +42,7 @@ class Shown(NamedTuple):
     two_plates_share: float  # of the profiles, that show a groove between two plates
     root_seen_share: float  # of the frames with faces, in which the root face's own end is seen
     root_over_nominal: float  # its width over its nominal size
+    root_nominal_mm: float
     upper_seen: bool  # the upper surface is in view, which tells the bevel face from it
     lower_seen: bool  # likewise the lower surface
     bevel_deg: float  # angle between the two faces
@@ -92,8 +93,8 @@ def require_bevel(
     told = told if other else "the upper or the lower surface is in view, and tells the faces apart"
     apart = check("readings_apart", shown.readings_apart if other else None, told, given=limits)
     judged = judge_faces(cloud, labels, limits, shown.lies_on, shown.rim_mm)
-    stepped = beside_check(cloud, labels, limits)
-    checks = (plates, seen, wide, *judged, stepped, right, apart)
+    stepped = beside_check(cloud, labels, shown.root_nominal_mm, limits)
+    checks = (plates, seen, wide, *judged, *stepped, right, apart)
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     return checks
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
 from workbench.checks.corners import face_columns, fitted_line, frames_with, off_line
-from workbench.checks.limits import Bound, check
+from workbench.checks.limits import Bound, check, most
 from workbench.geometry.blocks import as_input
 from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int
@@ -45,21 +45,32 @@ def one_level(ends: Sequence[Beyond], frames: int) -> tuple[float, float]:
     return best
 
 
+BEHIND = "stands_behind_mm"
 FRAMES, LEAST_FRAMES, LEAST_POINTS = 120, 4, 8  # evenly, that show the root face; its returns
 FROM_MM, FROM_SIGMAS, TO_MM = 0.04, 5.0, 3.0  # beside its line
 FAR_MM, COLUMNS = 3.0, 60  # beyond its end
 RUN_POINTS, RUN_MM, LEAN = 4, 0.15, 0.15  # of a run: returns, length, slope to the face: a rounded edge falls steeper
 
 
-def beside_check(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | None = None) -> Check:
-    """The check that nothing goes on beside the root face (labels (N, M)) beyond its lower end."""
+def beside_check(
+    cloud: Cloud, labels: AnyArray, root_mm: float, limits: Mapping[str, Bound] | None = None
+) -> tuple[Check, Check]:
+    """The check that nothing goes on beside the root face (labels (N, M)) beyond its lower end, and how far behind.
+
+    What runs farther behind than the root face is wide, by its nominal size, is held for another body, as a backing bar:
+    the lip of a step would be longer than it is thick. The verdict then rests on that.
+    """
     rows = frames_with(labels, (ROOT_FACE, BEVEL_FACE), FRAMES)
     share, at_mm = beside_share(cloud, labels, rows)
     told = (
         f"in {100 * (share or 0.0):.0f} % of the frames returns run parallel to the root face, {at_mm:.2g} mm beside "
     )
     told += "it, beyond its lower end: a table or a strip right below, a step or an undercut in it, a second plate?"
-    return check("step_share", share, told, given=limits)
+    another = share is not None and share > most("step_share") and at_mm > root_mm
+    return (
+        check("step_share", 0.0 if another else share, told, given=limits),
+        Check(BEHIND, at_mm if another else 0.0, None, True, "the verdict rests on its being another body", told),
+    )
 
 
 def beside_share(cloud: Cloud, labels: AnyArray, rows: Int, way: int = 0) -> tuple[float | None, float]:

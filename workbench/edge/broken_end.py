@@ -56,6 +56,7 @@ QUARTER = 0.15  # of a depth: a rounding need be no quarter circle, a chamfer no
 # needs much more than half of a pixel's light mostly loses columns all over a face, by speckle.
 FOOTPRINTS, FILLS = np.array([0.5, 0.75, 1.0, 1.25, 1.5]), np.array([0.1, 0.3, 0.5])
 FAINTEST = 1e-4  # share of the returns that may be fainter than what the sensor asks for: noise of the brightness
+BESIDE = 2.5  # columns beyond a face's end, in which what lies behind it returns
 NO_LIGHT = 0.1  # probability that a recorded brightness does not count the light of a pixel
 # Columns of the lower surface that return beyond its edge, where the view reaches under the plate.
 ONWARD = np.array([0.0, 0.5, 1.0, 2.0, 4.0])
@@ -69,6 +70,7 @@ DEPTH_U_MM, LEAST_MEANS, PATTERN_PLACES = 0.0005, 8, 9
 ROUNDING = 1e-9  # mm; pixels and places within a column meet in their ends: no digit may tell on which side
 UNLIKELY = 1e-3  # share of templates that are not cut finer
 PROOF = 4.5  # log-likelihood over a sharp end from which a break is told by name
+ABOVE, FREE_MM = 3.0, 1.0  # standard deviations of a depth; mm, by which one tells nothing
 MISFIT, ODD_MM = 5.0, 0.002  # standard deviations of a depth; by which the last columns' are off anyway
 
 
@@ -336,22 +338,32 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool) -> EndView:
     if not rim.on_line:  # a return under the line lies that much farther along the face
         further -= float(np.nanmean(last[alike, 1])) * slope / step
     moving = moved > STILL
-    darkness = _darkness(cloud, face, frames) if moving else None  # else the end fills the same share of its pixel
+    darkness = _darkness(cloud, rim, frames) if moving else None  # else the end fills the same share of its pixel
     return EndView(known, edges * step, math.atan(slope), step, end_phases(moving), further, usual, darkness)
 
 
-def _darkness(cloud: Cloud, face: FaceLines, frames: Int) -> float | None:
-    """What the faintest returns of a pass have of the light of its face; None: unknown, or the same everywhere."""
+def _darkness(cloud: Cloud, rim: FaceRim, frames: Int) -> float | None:
+    """What a pixel that sees a face's end in part needs of the light of that face; None: unknown, or the same
+    everywhere.
+
+    As much as the faintest returns of the pass have; or more than what lies behind the face gives it, where that
+    returns right beside the end.
+    """
     if cloud.intensity is None:
         return None
-    light, column = cloud.intensity[frames], np.arange(cloud.intensity.shape[1])
+    face, light, column = rim.face, cloud.intensity[frames], np.arange(cloud.intensity.shape[1])
     returned = np.isfinite(cloud.z_mm[frames])
     first, last = face.columns[frames].T
     on_face = returned & (column >= first[:, None]) & (column < last[:, None])
     usual = float(np.median(light[on_face])) if on_face.any() else 0.0
     faintest = float(np.quantile(light[returned], FAINTEST)) if usual > 0.0 else 0.0
-    known = faintest > 0.0 and usual < light[returned].max()  # else the brightness is the same everywhere, or saturates
-    return min(faintest / usual, 1.0) if known else None
+    if not faintest > 0.0 or not usual < light[returned].max():
+        return None  # the brightness is the same everywhere, or saturates
+    past = rim.side[frames, None] * (cloud.x_mm[frames] - rim.end_x_mm[frames, None])
+    step = rim.step_mm[frames] / np.hypot(1.0, face.sxz[frames] / face.sxx[frames])
+    behind = returned & (past > 0.0) & (past < BESIDE * step[:, None])
+    rival = float(np.median(light[behind])) if behind.any(axis=1).mean() > 0.5 else 0.0
+    return min(max(faintest / usual, rival / (rival + usual)), 1.0)
 
 
 def _recession(rim: FaceRim, frames: Int) -> Float:
@@ -429,7 +441,11 @@ def _looked(view: EndView, looks: list[Float], log_prior: Float, past: Float) ->
     size, turn, incidence, onward = (one[of] for one in looks)
     fall, raised = rendered_end(view, size, turn, incidence, pixel, phase, onward)
     seen, score = fall - raised, np.empty(of.size)
-    _log_likelihoods(view.known.mean, view.known.noise + view.known.free, seen, QUARTER * fall, score)
+    covariance = view.known.noise + view.known.free
+    # Above what any end shows lies the last pixel where a sheet of light is cut askew: of a break it tells nothing.
+    if seen[:, 0].min() - view.known.mean[0] > ABOVE * math.sqrt(view.known.noise[0, 0]):
+        covariance[0, 0] += FREE_MM**2
+    _log_likelihoods(view.known.mean, covariance, seen, QUARTER * fall, score)
     log = score.reshape(shape) + log_prior[:, None]
     most = log.max(axis=(1, 2), keepdims=True)
     weight = np.exp(log - most)

@@ -16,6 +16,7 @@ from workbench.checks.corners import ledge_takes_mm
 from workbench.checks.end_face import edge_break_check
 from workbench.checks.faces import FURTHER, Shown, require_bevel, require_columns
 from workbench.checks.judge import refuse_failed
+from workbench.checks.levels import BEHIND
 from workbench.checks.residuals import FaceAlong, late_of
 from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import end_step_check
@@ -29,7 +30,7 @@ from workbench.edge.broken_end import (
     weights,
 )
 from workbench.edge.certified import certified, certified_linearity
-from workbench.edge.directions import TOGETHER_MM, between, width_mm
+from workbench.edge.directions import TOGETHER_MM, between
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.lower_fillet import LIT_COLUMNS, lower_fillet
@@ -48,7 +49,16 @@ from workbench.edge.parameters import (
 from workbench.edge.residual_image import ASIDE_MM, FaceForm, Linearity, declared_linearity, face_image, forms
 from workbench.edge.sizes import EndTerms, corrected_angles, rough_deg, sizes, straightened
 from workbench.edge.steps import burr_stations, waves_u
-from workbench.edge.unseen import BY_NOMINAL, BY_TABLE, COMPOUND, by_thickness, by_window, root_end_check, unseen_of
+from workbench.edge.unseen import (
+    BY_BACKING,
+    BY_NOMINAL,
+    BY_TABLE,
+    COMPOUND,
+    by_thickness,
+    by_window,
+    root_end_check,
+    unseen_of,
+)
 from workbench.errors import InputError
 from workbench.geometry.curves import covered, turn_by_robot
 from workbench.geometry.silhouette import reached_mm
@@ -148,6 +158,7 @@ def segment(
     ends = root_end_check(cloud, tracked)
     doubts += by_window(ends)
     doubts += [COMPOUND] if _value(checks, FURTHER) else []
+    doubts += [BY_BACKING] if _value(checks, BEHIND) else []
     doubts += unseen_of(cloud, tracked, edge, is_sharp=edge_condition == "sharp")
     unseen = by_thickness(cloud, tracked, edge, doubts, thickness_mm)
     edge = replace(edge, unseen=unseen, checks=(*edge.checks, ends))
@@ -171,7 +182,8 @@ def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, be
     return Shown(
         two_plates_share(cloud),
         1.0 - float(tracked.end_is_cut[tracked.seen].mean()),
-        width_mm(tracked.faces[ROOT_FACE]) / root_nominal_mm,
+        _reach_mm(tracked) / root_nominal_mm,
+        root_nominal_mm,
         upper,
         lower,
         float(np.nanmedian(np.abs(root - bevel))) / DEG,
@@ -180,6 +192,14 @@ def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, be
         lies_on,
         0.5 if lies_on else 0.0,  # what lies below shows all of its rounding
     )
+
+
+def _reach_mm(tracked: TrackedFaces) -> float:
+    """Width of the root face from its corner with the bevel to its end: the points of its line keep off both."""
+    root, bevel = tracked.faces[ROOT_FACE], tracked.faces[BEVEL_FACE]
+    turn = bevel.slope - root.slope
+    corner = (root.z_mean - bevel.z_mean - root.slope * root.x_mean + bevel.slope * bevel.x_mean) / turn
+    return float(np.nanmedian(np.abs(tracked.root_end[:, 0] - corner) * np.hypot(1.0, root.slope)))
 
 
 def _value(checks: Sequence[Check], name: str) -> float:

@@ -36,6 +36,12 @@ BY_TABLE = Unseen(
     "looks alike.",
     is_doubt=True,
 )
+BY_BACKING = Unseen(
+    "stands_behind",
+    "That what returns behind the root face, parallel to it, beyond its lower end is another body, as a backing bar: a "
+    "step that deep in the plate looks alike.",
+    is_doubt=True,
+)
 BY_WINDOW = Unseen(
     "window_end",
     "That the face ends where its returns do: in nearly all frames the column beyond hardly ever returns, as where the "
@@ -44,7 +50,7 @@ BY_WINDOW = Unseen(
 )
 
 THICKNESS_U_MM = 0.02  # of a plate's thickness by a micrometer, here and there along the edge
-BY_THICKNESS = {BY_WINDOW.name, "lost_columns", "shadow"}  # what the plate's thickness settles
+BY_THICKNESS = {BY_BACKING.name, BY_WINDOW.name, "lost_columns", "shadow"}  # what the plate's thickness settles
 COMPOUND = Unseen(
     "compound",
     "That the face beside the root face is the bevel that is meant: beyond it a further face follows, which "

@@ -509,8 +509,13 @@ def face_sigmas(sums: Float, seen: Bool) -> Float:
     """Range noise of each face (4,), mm: median over frames of the rms residual about its own line."""
     sigma = np.full(4, 0.02)
     for f in range(4):
-        face = sums[seen & (sums[:, f, COUNT] >= 5), f]
-        if len(face):
-            rss = face[:, SZZ] - face[:, SXZ] ** 2 / np.maximum(face[:, SXX], 1e-12)
-            sigma[f] = max(float(np.median(np.sqrt(np.maximum(rss, 0.0) / (face[:, COUNT] - 2.0)))), 0.002)
+        face = sums[seen & (sums[:, f, COUNT] >= 3), f]
+        rss = np.maximum(face[:, SZZ] - face[:, SXZ] ** 2 / np.maximum(face[:, SXX], 1e-12), 0.0)
+        free, many = face[:, COUNT] - 2.0, face[:, COUNT] >= 5
+        if many.sum() > 0.5 * many.size:
+            free, rss = free[many], rss[many]
+        else:
+            free *= (1.0 - 2.0 / (9.0 * free)) ** 3  # half of such sums lie below
+        if free.size:
+            sigma[f] = max(float(np.median(np.sqrt(rss / free))), 0.002)
     return sigma

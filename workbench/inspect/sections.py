@@ -29,6 +29,7 @@ Tolerance = tuple[Annotated[float, Field(le=0)], Annotated[float, Field(ge=0)]]
 Condition = Literal[
     "told_by_nominal",
     "lies_on",
+    "stands_behind",
     "window_end",
     "thickness",
     "compound",

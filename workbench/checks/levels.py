@@ -57,7 +57,7 @@ def beside_check(
 ) -> tuple[Check, Check]:
     """The check that nothing goes on beside the root face (labels (N, M)) beyond its lower end, and how far behind.
 
-    What runs farther behind than the root face is wide, by its nominal size, is held for another body, as a backing bar:
+    What runs farther behind than the root face is wide, by its nominal size, is held for another body, as a bar:
     the lip of a step would be longer than it is thick. The verdict then rests on that.
     """
     rows = frames_with(labels, (ROOT_FACE, BEVEL_FACE), FRAMES)

@@ -60,14 +60,14 @@ class Table:
         return names, np.array([names.index(word) for word in words], np.int64)
 
     def numbers(self, names: Sequence[str], blank: bool = False) -> Float:
-        """Columns (n, k) of finite numbers; NaN where a cell is empty, if `blank` allows it."""
+        """Columns (n, k) of finite numbers; NaN where a cell is empty or `nan`, if `blank` allows it."""
         found = np.full((len(self._rows), len(names)), np.nan)
         for j, name in enumerate(names):
             if name not in self.header and blank:
                 continue
             k = self.header.index(name)
             for i, (line, row) in enumerate(zip(self.lines, self._rows, strict=True)):
-                if blank and not row[k].strip():
+                if blank and row[k].strip().lower() in ("", "nan"):
                     continue
                 found[i, j] = self._number(row[k], f"{self.path}: line {line}: {name}")
         return found

@@ -86,7 +86,7 @@ def test_six_dimensions(tmp_path: Path) -> None:
 
 
 def test_points_with_missing_cells(tmp_path: Path) -> None:
-    tests = read_loads(write(tmp_path, POINTS, ROW + ",1,2,3,,,", ROW + ",1,,3,4,5,6", ROW + ",1,2,3,4,5,6"))
+    tests = read_loads(write(tmp_path, POINTS, ROW + ",1,2,3,,,", ROW + ",1,nan,3,4,5,6", ROW + ",1,2,3,4,5,6"))
     seen = np.isfinite(tests.vectors).all(axis=2)
     assert seen.tolist() == [[True, False], [False, True], [True, True]]
     assert np.isnan(tests.vectors[1, 0]).all()  # a point with an empty cell counts for nothing
@@ -110,6 +110,7 @@ def test_columns_in_any_order_and_others_are_noted(tmp_path: Path) -> None:
         ([SIX, ROW + ",0.1,0.2,,0,0,0"], "line 2: dz_mm: expected a number, found ''"),
         ([SIX, ROW + ",0.1,0.2,nan,0,0,0"], "expected a number, found 'nan'"),
         ([SIX, ROW.replace("20", "2O") + ",1,2,3,0,0,0"], "line 2: fy_n"),
+        ([POINTS.removesuffix(",p2z_mm"), ROW + ",0" * 5], "expected the column 'p2z_mm'"),
         ([POINTS, ROW + ",,,,,,"], "line 2: a load without displacement"),
         ([SIX + ",dx_mm", ROW + ",0" * 7], "stands twice"),
         ([SIX.replace("rz_deg", "rz_rad"), ROW + ",0" * 6], "loads without displacement"),

@@ -115,7 +115,11 @@ def read_loads(path: Path) -> LoadingTests:
             else "loads without displacement: expected dx_mm ... rz_deg or p1x_mm, p1y_mm, p1z_mm, ..."
         )
         raise InputError(f"{path}: header", more)
-    known = {"posture", *ANGLES, *WRENCH, *DISPLACEMENT, *moved_columns(count)}
+    columns = moved_columns(count)
+    points = {name[: -len("x_mm")] for name in table.header if TARGET.fullmatch(name)}
+    if lacking := [name for name in columns if name[: -len("x_mm")] in points and name not in table.header]:
+        raise InputError(f"{path}: header", f"expected the column '{lacking[0]}': a point has all three or none")
+    known = {"posture", *ANGLES, *WRENCH, *DISPLACEMENT, *columns}
     ignored = [name for name in table.header if name not in known]
     found = LoadingTests(
         source=str(path),
@@ -123,7 +127,7 @@ def read_loads(path: Path) -> LoadingTests:
         lines=tuple(table.lines),
         joints=table.numbers(ANGLES) * DEG,
         wrench=table.numbers(WRENCH),
-        moved=table.numbers(moved_columns(count), blank=count > 0),
+        moved=table.numbers(columns, blank=count > 0),
         points=count,
         warnings=(f"{path}: columns that are not used: {', '.join(ignored)}",) if ignored else (),
     )

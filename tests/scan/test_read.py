@@ -324,6 +324,14 @@ BAD: dict[str, tuple[Edit, str]] = {
         "/profiles/time[0]: expected a time within the poses",
     ),
     "frame in the gap to another pass": (change("/profiles/time", 10, 50.0), "of pass -5"),
+    "postures held still, without the sphere": (
+        every(
+            replace("/robot/time", [100.0, 0.0]),
+            *(lambda f, name=name: replace(name, f[name][::2])(f) for name in ("/robot/position", "/robot/pass")),
+            lambda f: replace("/robot/quaternion_wxyz", f["/robot/quaternion_wxyz"][::2])(f),
+        ),
+        "is /sphere missing?",
+    ),
     "pass without poses": (change("/profiles/pass", 11, 71), "pass 71 has no robot poses"),
     "passes on one side only": (
         every(delete("/robot/pass"), replace("/robot/time", [0.0, 0.1, 100.0, 100.1])),

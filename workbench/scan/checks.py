@@ -120,8 +120,9 @@ def _check_covered(where: str, values: dict[str, AnyArray], is_calibration: bool
     out = np.flatnonzero(compared & ((time_s < start_s) | (time_s > end_s)))
     if len(out):
         row = out[0]
+        still = "; one pose suffices for a posture held still before a sphere: is /sphere missing?"
         raise InputError(
             f"{where}: /profiles/time[{row}]",
             f"expected a time within the poses of pass {number[row]}, {start_s[row]!s} to {end_s[row]!s} s, "
-            f"found {time_s[row]!s} s",
+            f"found {time_s[row]!s} s{still if count[which][row] == 1 else ''}",
         )

@@ -106,6 +106,23 @@ def test_the_likeliest_slip_is_asked_for(command: Any, given: str, slip: str) ->
     assert got.err.endswith(f"{slip}\n")
 
 
+@pytest.mark.parametrize(
+    ("shipped", "given", "found"),
+    [
+        ("inspect_groove", 'nominal={"gap": 2}', "nominal: gap: no size of such a joint; did you mean 'gap_mm'?"),
+        ("inspect_groove", 'nominal={"gap_mm": 2}', "lower <= 0 <= upper"),
+        ("plan_bevel", "upper_side=[0, 0, 0]", "upper_side: expected a direction, of any length but 0, got [0, 0, 0]"),
+    ],
+)
+def test_a_value_within_a_parameter_is_judged_before_anything_runs(
+    command: Any, shipped: str, given: str, found: str
+) -> None:
+    got = command("validate", Path(__file__).parents[1] / "pipelines" / f"{shipped}.json", "--input", given)
+    assert (got.status, got.out) == (2, "")
+    assert "stages[" in got.err
+    assert got.err.endswith(f"{found}\n")
+
+
 def test_failed_run_leaves_no_earlier_result_in_its_place(command: Any, pipeline: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     for bad in (["--input", "angle_deg=999"], [f"--out={out}", "--input", "angle_deg=999"]):

@@ -193,7 +193,6 @@ def test_poses_of_a_pass_s_ends_only_are_as_uncertain_as_declared(scanned: Scans
 @pytest.mark.parametrize(
     ("upper_side", "message"),
     [
-        ((0.0, 0.0, 0.0), "expected a direction"),
         ((1.0, 0.1, 0.2), "runs along the edge"),
         ((0.0, 1.0, 0.0), r"edge not in view|no raw edge"),
     ],

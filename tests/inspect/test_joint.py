@@ -221,7 +221,7 @@ def test_requirements_that_cannot_be_judged_are_refused_with_their_place(
 ) -> None:
     with pytest.raises(PipelineError) as refused:
         preparation(joint(), nominal=nominal)
-    assert f"inspect.preparation.nominal.{place}:" in str(refused.value)
+    assert f"inspect.preparation.nominal: {place}:" in str(refused.value)
     assert words in str(refused.value)
 
 

@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, TypeAlias
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
+
+Vector: TypeAlias = tuple[float, float, float]
+
+
+def _with_length(direction: Vector) -> Vector:
+    if not 1e-9 < math.hypot(*direction) < math.inf:
+        raise ValueError("expected a direction, of any length but 0")
+    return direction
+
+
+Direction: TypeAlias = Annotated[Vector, AfterValidator(_with_length)]
 
 USUAL_NOISE_MM = 0.07  # of an arm of this size, each axis: the paper, Table 1; where nothing is declared
 

@@ -89,12 +89,9 @@ def face_directions(cloud: Cloud, upper_side: Sequence[float], z_away: bool | No
 
 
 def across_the_edge(cloud: Cloud, upper_side: Sequence[float], where: str = WHERE) -> Float:
-    """`upper_side` as a unit vector (3,); InputError where it is zero or runs along the edge that was scanned."""
-    wished = np.asarray(upper_side, dtype=float)
-    size = float(np.linalg.norm(wished))
-    if not np.isfinite(size) or size < 1e-9:
-        raise InputError(where, f"expected a direction from the lower to the upper side, got {_text(upper_side)}")
-    wished = wished / size
+    """`upper_side` as a unit vector (3,); InputError where it runs along the edge that was scanned."""
+    wished: Float = np.array(upper_side, dtype=float)
+    wished /= np.linalg.norm(wished)
     travelled = _travelled(cloud)
     length = float(np.linalg.norm(travelled))
     if len(cloud.keep) < LEAST_FRAMES or length < LEAST_LENGTH_MM:

@@ -39,6 +39,7 @@ from workbench.edge.on_table import under_u_mm
 from workbench.edge.parameters import (
     USUAL_NOISE_MM,
     BevelNominal,
+    Direction,
     EndU,
     Limits,
     RobotNoiseLength,
@@ -96,7 +97,7 @@ def segment(
     robot_noise_mm: RobotNoiseOrUsual = USUAL_NOISE_MM,
     robot_noise_length_mm: RobotNoiseLength = None,
     end_u_mm: EndU = 0.0,
-    upper_side: tuple[float, float, float] | None = None,
+    upper_side: Direction | None = None,
     edge_condition: EdgeCondition = "unknown",
     thickness_mm: Annotated[float, Field(gt=0, le=500)] | None = None,
     sensor: InputFile | None = None,

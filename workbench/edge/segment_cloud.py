@@ -34,6 +34,7 @@ from workbench.edge.measure import measure_edge
 from workbench.edge.parameters import (
     USUAL_NOISE_MM,
     BevelNominal,
+    Direction,
     RobotNoiseLength,
     RobotNoiseOrUsual,
     RootNominal,
@@ -91,7 +92,7 @@ def segment_cloud(
     robot_noise_length_mm: RobotNoiseLength = None,
     edge_condition: EdgeCondition = "unknown",
     sensor: InputFile | None = None,
-    upper_side: tuple[float, float, float] | None = None,
+    upper_side: Direction | None = None,
     thickness_mm: Annotated[float, Field(gt=0, le=500)] | None = None,
     use_order: bool = True,
 ) -> tuple[Cloud, MilledEdge | RawEdge]:

@@ -32,7 +32,15 @@ from workbench.edge.fillet import Fillet, fit_on_land, misfit_mm
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.joint_lines import Along, JointLines, Place, Values, corners, joined, meeting, typical
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
-from workbench.edge.parameters import USUAL_NOISE_MM, EndU, Limits, RobotNoiseLength, RobotNoiseOrUsual, usual_noise_mm
+from workbench.edge.parameters import (
+    USUAL_NOISE_MM,
+    Direction,
+    EndU,
+    Limits,
+    RobotNoiseLength,
+    RobotNoiseOrUsual,
+    usual_noise_mm,
+)
 from workbench.edge.prepared_frames import (
     FILLET,
     FLANK,
@@ -68,7 +76,7 @@ def segment_preparation(
     *,
     preparation: Given = "auto",
     root_nominal_mm: Annotated[float, Field(gt=0, le=50)] = 1.5,
-    upper_side: tuple[float, float, float] | None = None,
+    upper_side: Direction | None = None,
     robot_noise_mm: RobotNoiseOrUsual = USUAL_NOISE_MM,
     robot_noise_length_mm: RobotNoiseLength = None,
     end_u_mm: EndU = 0.0,

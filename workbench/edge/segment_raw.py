@@ -36,7 +36,7 @@ from workbench.edge.directions import between
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED
 from workbench.edge.on_table import raw_under_u_mm
-from workbench.edge.parameters import EndU, Limits, RobotNoise, RobotNoiseLength
+from workbench.edge.parameters import Direction, EndU, Limits, RobotNoise, RobotNoiseLength
 from workbench.edge.raw_direction import face_directions
 from workbench.edge.raw_faces import RawFaces, find_end_face
 from workbench.edge.raw_measure import (
@@ -74,7 +74,7 @@ LIES_ON = (
 def segment_raw(
     cloud: Cloud,
     *,
-    upper_side: tuple[float, float, float],
+    upper_side: Direction,
     z_away: bool | None = None,
     robot_noise_mm: RobotNoise | None = None,
     robot_noise_length_mm: RobotNoiseLength = None,
@@ -102,7 +102,7 @@ def segment_raw(
             (drift, path accuracy).
 
     Raises:
-        InputError: `upper_side` is zero or along the edge; no raw edge, only a part of it, or a groove in view.
+        InputError: `upper_side` is along the edge; no raw edge, only a part of it, or a groove in view.
 
     Example:
         >>> from workbench import edge, path, scan

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from workbench.artefacts import (
     Gate,
@@ -17,8 +17,8 @@ from workbench.artefacts import (
     PreparationInspection,
     Unseen,
 )
-from workbench.artefacts.edges import Joint, RecognisedInspection, named
-from workbench.errors import InputError, PipelineError, nearest
+from workbench.artefacts.edges import PREPARATION_TERMS, TERMS, Joint, RecognisedInspection, named
+from workbench.errors import InputError, nearest
 from workbench.inspect.verdict import NOTHING_REQUIRED, judged, of_a_joint, provided, reason_of, worst
 from workbench.stage import stage
 from workbench.units import Float
@@ -39,11 +39,48 @@ LEFT_OUT_OF_PLATES = (
 )
 
 
+def _required(nominal: Mapping[str, Any], terms: Mapping[str, Any]) -> dict[str, tuple[float, tuple[float, float]]]:
+    """Nominal and tolerance by size; ValueError where a name is none of `terms`, or a number or a pair is missing."""
+    tolerances = {named(size, "tolerance"): size for size in terms}
+    for name in nominal:
+        if name not in terms and name not in tolerances:
+            raise ValueError(f"{name}: no size of such a joint{nearest(name, [*terms, *tolerances])}")
+        if name in tolerances and tolerances[name] not in nominal:
+            raise ValueError(f"{name}: expected '{tolerances[name]}' beside it")
+    found = {}
+    for size in terms:
+        if size not in nominal:
+            continue
+        key = named(size, "tolerance")
+        if not _number(nominal[size]):
+            raise ValueError(f"{size}: expected a number")
+        pair = nominal.get(key)
+        two = isinstance(pair, list | tuple) and len(pair) == 2 and all(map(_number, pair))
+        if pair is None or not two or not pair[0] <= 0 <= pair[1]:
+            raise ValueError(f"{key}: expected [lower, upper], deviations with lower <= 0 <= upper")
+        found[size] = (float(nominal[size]), (float(pair[0]), float(pair[1])))
+    return found
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
+
+
+def _of(terms: Mapping[str, Any]) -> AfterValidator:
+    """Nominal sizes are checked with all other parameters, before anything runs."""
+
+    def checked(nominal: dict[str, Any] | None) -> dict[str, Any] | None:
+        _required(nominal or {}, terms)
+        return nominal
+
+    return AfterValidator(checked)
+
+
 @stage("inspect.groove")
 def groove(
     groove: Groove,
     *,
-    nominal: dict[str, Any] | None = None,
+    nominal: Annotated[dict[str, Any] | None, _of(TERMS)] = None,
     sections: Annotated[int, Field(ge=1, le=999)] = 9,
     guard_factor: Annotated[float, Field(ge=0, le=5)] = 1.645,
 ) -> GrooveInspection:
@@ -60,7 +97,7 @@ def groove(
         guard_factor: guard band over u; 1.645: 95 % one-sided.
 
     Raises:
-        PipelineError: a name that no groove has, or a nominal without its tolerance.
+        PipelineError: a name that no groove has, or a nominal without its tolerance, before anything is measured.
 
     Example:
         >>> from workbench import edge, inspect, scan
@@ -69,14 +106,14 @@ def groove(
         >>> found.type, len(found.sections)
         ('Y', 9)
     """
-    return GrooveInspection(**_judged(groove, nominal or {}, sections, guard_factor, "inspect.groove", LEFT_OUT))
+    return GrooveInspection(**_judged(groove, nominal or {}, sections, guard_factor, LEFT_OUT))
 
 
 @stage("inspect.preparation")
 def preparation(
     preparation: Preparation,
     *,
-    nominal: dict[str, Any] | None = None,
+    nominal: Annotated[dict[str, Any] | None, _of(PREPARATION_TERMS)] = None,
     sections: Annotated[int, Field(ge=1, le=999)] = 9,
     guard_factor: Annotated[float, Field(ge=0, le=5)] = 1.645,
     accept_conditions: tuple[Literal["window_end"], ...] = (),
@@ -100,7 +137,7 @@ def preparation(
         >>> found.type, len(found.sections)
         ('nose', 9)
     """
-    judged = _judged(preparation, nominal or {}, sections, guard_factor, "inspect.preparation", LEFT_OUT_OF_PLATES)
+    judged = _judged(preparation, nominal or {}, sections, guard_factor, LEFT_OUT_OF_PLATES)
     rests_on = preparation.unseen if nominal else ()
     verdict, reason, left, accepted = provided(judged["verdict"], judged["reason"], rests_on, accept_conditions)
     rests = {"verdict": verdict, "reason": reason, "conditions": left, "warnings": (*judged["warnings"], *accepted)}
@@ -112,15 +149,16 @@ def _judged(
     nominal: Mapping[str, Any],
     sections: int,
     guard_factor: float,
-    where: str,
     left_out: tuple[Unseen, ...],
 ) -> dict[str, Any]:
     """The fields of a joint's inspection."""
-    required = _required(nominal, joint, where)
+    required = _required(nominal, joint.terms)
     at = (np.arange(sections) + 0.5) / sections * float(joint.arc_length_mm[-1])
     inspected = tuple(_section(joint, i + 1, float(s), required, guard_factor) for i, s in enumerate(at))
     if not any(np.isfinite(one.value) for s in inspected for one in s.sizes.values()):
-        raise InputError(where, f"none of {len(inspected)} sections could be measured: is this such a joint?")
+        raise InputError(
+            type(joint).__name__.lower(), f"none of {len(inspected)} sections could be measured: is this such a joint?"
+        )
     return {
         "type": joint.type,
         "alternatives": joint.alternatives,
@@ -159,40 +197,6 @@ def groove_gate(
     if not inspection.requirements and accept_unjudged:
         return Gate(True, f"{inspection.verdict}: {inspection.reason}", warnings=(NOTHING_REQUIRED,))
     return Gate(inspection.verdict == "pass", f"{inspection.verdict}: {inspection.reason}")
-
-
-def _required(
-    nominal: Mapping[str, Any], joint: Joint, stage_name: str
-) -> dict[str, tuple[float, tuple[float, float]]]:
-    """Nominal and tolerance by size.
-
-    Raises:
-        PipelineError: see `groove`.
-    """
-    where, sizes = f"{stage_name}.nominal", list(joint.terms)
-    tolerances = {named(size, "tolerance"): size for size in sizes}
-    for name in nominal:
-        if name not in sizes and name not in tolerances:
-            raise PipelineError(f"{where}.{name}", f"no size of such a joint{nearest(name, [*sizes, *tolerances])}")
-        if name in tolerances and tolerances[name] not in nominal:
-            raise PipelineError(f"{where}.{name}", f"expected '{tolerances[name]}' beside it")
-    found = {}
-    for size in sizes:
-        if size not in nominal:
-            continue
-        key = named(size, "tolerance")
-        if not _number(nominal[size]):
-            raise PipelineError(f"{where}.{size}", "expected a number")
-        pair = nominal.get(key)
-        two = isinstance(pair, list | tuple) and len(pair) == 2 and all(map(_number, pair))
-        if pair is None or not two or not pair[0] <= 0 <= pair[1]:
-            raise PipelineError(f"{where}.{key}", "expected [lower, upper], deviations with lower <= 0 <= upper")
-        found[size] = (float(nominal[size]), (float(pair[0]), float(pair[1])))
-    return found
-
-
-def _number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
 
 
 def _section(

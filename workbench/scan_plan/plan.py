@@ -28,7 +28,7 @@ from workbench.artefacts import (
 from workbench.artefacts.decisions import NOT_CHECKED
 from workbench.cad import NominalEdge
 from workbench.edge.broken_end import EdgeCondition
-from workbench.edge.parameters import RobotNoise
+from workbench.edge.parameters import Direction, RobotNoise
 from workbench.edge.residual_image import declared_linearity
 from workbench.errors import InputError
 from workbench.geometry.moves import runs
@@ -147,7 +147,7 @@ def plan(
     edge: InputFile | None = None,
     sensor: InputFile,
     hand_eye: InputFile | None = None,
-    upper_side: tuple[float, float, float] = (0.0, 0.0, 1.0),
+    upper_side: Direction = (0.0, 0.0, 1.0),
     edge_number: Annotated[int, Field(ge=1)] | None = None,
     base_from_cad: list[list[float]] | None = None,
     thickness_mm: Positive | None = None,

@@ -6,6 +6,7 @@ And loading tests out of a `loads.csv`: one row a load, wrench and displacement 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -115,10 +116,7 @@ def read_loads(path: Path) -> LoadingTests:
             else "loads without displacement: expected dx_mm ... rz_deg or p1x_mm, p1y_mm, p1z_mm, ..."
         )
         raise InputError(f"{path}: header", more)
-    columns = moved_columns(count)
-    points = {name[: -len("x_mm")] for name in table.header if TARGET.fullmatch(name)}
-    if lacking := [name for name in columns if name[: -len("x_mm")] in points and name not in table.header]:
-        raise InputError(f"{path}: header", f"expected the column '{lacking[0]}': a point has all three or none")
+    columns = _columns(path, table.header, count)
     known = {"posture", *ANGLES, *WRENCH, *DISPLACEMENT, *columns}
     ignored = [name for name in table.header if name not in known]
     found = LoadingTests(
@@ -138,3 +136,13 @@ def read_loads(path: Path) -> LoadingTests:
         raise InputError(where, "a load without displacement: expected at least one point")
     found.vectors[lost] = np.nan
     return replace(found, moved=found.moved * found.units)
+
+
+def _columns(path: Path, header: Sequence[str], count: int) -> tuple[str, ...]:
+    """Those of the displacement; InputError where one of a point's three is missing."""
+    columns = moved_columns(count)
+    points = {name[: -len("x_mm")] for name in header if TARGET.fullmatch(name)}
+    for name in columns:
+        if name[: -len("x_mm")] in points and name not in header:
+            raise InputError(f"{path}: header", f"expected the column '{name}': a point has all three or none")
+    return columns

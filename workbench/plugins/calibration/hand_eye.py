@@ -39,7 +39,6 @@ from workbench.plugins.calibration.model import (
     linearise,
     signed_centres,
     to_base,
-    view_of_points,
     volume_u,
 )
 from workbench.plugins.calibration.observations import Observations, Timed, by_pass
@@ -49,6 +48,7 @@ from workbench.plugins.calibration.suspicions import turned
 from workbench.plugins.calibration.values import Calibration, Method, SphereProfiles
 from workbench.plugins.calibration.verdicts import (
     NEAR,
+    NO_ERROR,
     Scales,
     Sensor,
     hand_eye_file,
@@ -180,10 +180,10 @@ def _with_scales(
     profiles: SphereProfiles, recording: Recording, noise: Noise, where: str, limit_mm: float, stated_u: float
 ) -> Sized:
     """Solve; where the residuals contradict the profiler's x or z, free its scale, and solve without its error."""
-    free, sensor = (False, False), Sensor(np.zeros(2), np.array(_view(profiles, recording).middle_mm))
+    free, sensor = (False, False), Sensor(np.zeros(2), np.array(NO_ERROR.view(profiles, recording).middle_mm))
     for _ in range(ROUNDS):
-        seen, view = by_pass(rescaled(profiles, recording, sensor), recording), _view(profiles, recording, sensor)
-        design = recording.flange_from_profiler
+        here, design = rescaled(profiles, recording, sensor), recording.flange_from_profiler
+        seen, view = by_pass(here, recording), sensor.view(here, recording)
         answer = solve(seen, noise, design, where=where, limit_mm=limit_mm, view=view, judged=False)
         scales = scales_of(answer, profiles, recording, sensor, free, stated_u)
         worst = scales.contradicted
@@ -194,13 +194,6 @@ def _with_scales(
             break
         sensor = dataclasses.replace(sensor, error=np.where(free, scales.error, 0.0))
     return Sized(answer, view, scales, sensor)
-
-
-def _view(profiles: SphereProfiles, recording: Recording, sensor: Sensor | None = None) -> View:
-    """The field of view of a recording, the scales' errors taken out."""
-    x, z = (recording.x_mm.astype(float), recording.z_mm.astype(float)) if sensor is None else sensor.true(recording)
-    circle = profiles.circle if sensor is None else rescaled(profiles, recording, sensor).circle
-    return view_of_points(x[profiles.frame], z[profiles.frame], circle)
 
 
 def _by_method(method: Method, answer: Answer, design: Float | None, seed: int, where: str) -> Settled:

@@ -25,7 +25,7 @@ from workbench.api import (
     rpy_from_rotation,
 )
 from workbench.plugins.calibration.circles import fit_arc
-from workbench.plugins.calibration.model import Linear, Noise, View, place_u
+from workbench.plugins.calibration.model import Linear, Noise, View, place_u, view_of_points
 from workbench.plugins.calibration.observations import Observations
 from workbench.plugins.calibration.solve import Answer
 from workbench.plugins.calibration.tables import enough
@@ -86,9 +86,17 @@ class Sensor:
         )
         return x, z
 
+    def view(self, profiles: SphereProfiles, recording: Recording) -> View:
+        """The field in which the points of frames with circles lie, and these."""
+        x, z = self.true(recording)
+        return view_of_points(x[profiles.frame], z[profiles.frame], profiles.circle)
+
     def more(self, axis: int) -> Sensor:
         """The same with a little more error of one axis."""
         return replace(self, error=self.error + STEP * np.eye(2)[axis])
+
+
+NO_ERROR = Sensor(np.zeros(2), np.zeros(2))
 
 
 def sensor_of(hand_eye: HandEye) -> Sensor:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
+import scipy
 from pydantic import Field
 
 from workbench.api import (
@@ -220,10 +221,9 @@ def _spindle_hz(value: Float, rate_hz: float, cut: Cutting) -> float:
 
     width = rate_hz / len(off) / orders[-1]
     at = np.arange(stated * (1 - 2.5 * SPEED_SHARE), stated * (1 + 2.5 * SPEED_SHARE), width / 2)
-    best = float(at[int(np.argmax([power(hz) for hz in at]))])
-    for step in width * 0.5 ** np.arange(2, 9):
-        best = max((best - step, best, best + step), key=power)
-    return best
+    best = max(at.tolist(), key=power)
+    near = (best - width / 2, best + width / 2)
+    return float(scipy.optimize.minimize_scalar(lambda hz: -power(hz), bounds=near, options={"xatol": width / 1e3}).x)
 
 
 def _check_lines(path: Path, spectrum: AnyArray, turns: int, turn_hz: float, cut: Cutting) -> None:

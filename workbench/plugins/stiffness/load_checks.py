@@ -223,13 +223,10 @@ def step_of(values: Float) -> float:
     largest = float(np.nanmax(np.abs(values), initial=0.0))
     if largest == 0.0:
         return 0.0
-    top = int(np.floor(np.log10(largest)))
-    for power in range(top, top - 7, -1):
-        for factor in (5.0, 2.0, 1.0):
-            share = values[np.isfinite(values)] / (factor * 10.0**power)
-            if np.abs(share - np.round(share)).max() < 1e-6:
-                return float(factor * 10.0**power)
-    return 0.0
+    steps = np.outer(10.0 ** (np.floor(np.log10(largest)) - np.arange(7)), [5.0, 2.0, 1.0]).ravel()
+    share = values[np.isfinite(values), None] / steps
+    found = steps[np.abs(share - np.round(share)).max(axis=0) < 1e-6]
+    return float(found.max(initial=0.0))
 
 
 def rounded(setup: LoadingSetup, tests: LoadingTests) -> LoadingSetup:

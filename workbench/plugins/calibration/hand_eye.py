@@ -48,7 +48,6 @@ from workbench.plugins.calibration.suspicions import turned
 from workbench.plugins.calibration.values import Calibration, Method, SphereProfiles
 from workbench.plugins.calibration.verdicts import (
     NEAR,
-    NO_ERROR,
     Scales,
     Sensor,
     hand_eye_file,
@@ -56,6 +55,7 @@ from workbench.plugins.calibration.verdicts import (
     rescaled,
     scales_of,
     serves,
+    view_of,
     warnings,
 )
 
@@ -180,10 +180,10 @@ def _with_scales(
     profiles: SphereProfiles, recording: Recording, noise: Noise, where: str, limit_mm: float, stated_u: float
 ) -> Sized:
     """Solve; where the residuals contradict the profiler's x or z, free its scale, and solve without its error."""
-    free, sensor = (False, False), Sensor(np.zeros(2), np.array(NO_ERROR.view(profiles, recording).middle_mm))
+    free, sensor = (False, False), Sensor(np.zeros(2), np.array(view_of(profiles, recording).middle_mm))
     for _ in range(ROUNDS):
         here, design = rescaled(profiles, recording, sensor), recording.flange_from_profiler
-        seen, view = by_pass(here, recording), sensor.view(here, recording)
+        seen, view = by_pass(here, recording), view_of(here, recording, sensor)
         answer = solve(seen, noise, design, where=where, limit_mm=limit_mm, view=view, judged=False)
         scales = scales_of(answer, profiles, recording, sensor, free, stated_u)
         worst = scales.contradicted

@@ -52,7 +52,7 @@ from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.solve import solve
 from workbench.plugins.calibration.tables import JOINTS, enough, fit_words, noisy, rms_mm, told
 from workbench.plugins.calibration.values import Rejected, SphereProfiles
-from workbench.plugins.calibration.verdicts import NO_ERROR, hand_eye_file, serves
+from workbench.plugins.calibration.verdicts import hand_eye_file, serves, view_of
 from workbench.plugins.csv_table import Table
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def robot(
     assert chain is not None
     seen = _postures(profiles, recording, where)
     angles = read_joints(joints, seen, recording, chain)
-    view = NO_ERROR.view(profiles, recording)
+    view = view_of(profiles, recording)
     start = solve(seen, noise, recording.flange_from_profiler, where=where, limit_mm=BUILT_MM, view=view).found.estimate
     arm = arm_errors(chain, offset_prior_deg * DEG, length_prior_mm)
 

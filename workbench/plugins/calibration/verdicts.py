@@ -86,17 +86,15 @@ class Sensor:
         )
         return x, z
 
-    def view(self, profiles: SphereProfiles, recording: Recording) -> View:
-        """The field in which the points of frames with circles lie, and these."""
-        x, z = self.true(recording)
-        return view_of_points(x[profiles.frame], z[profiles.frame], profiles.circle)
-
     def more(self, axis: int) -> Sensor:
         """The same with a little more error of one axis."""
         return replace(self, error=self.error + STEP * np.eye(2)[axis])
 
 
-NO_ERROR = Sensor(np.zeros(2), np.zeros(2))
+def view_of(profiles: SphereProfiles, recording: Recording, sensor: Sensor | None = None) -> View:
+    """The field in which the points of frames with circles lie, by what `sensor` takes out of them, and the circles."""
+    x, z = (recording.x_mm, recording.z_mm) if sensor is None else sensor.true(recording)
+    return view_of_points(x[profiles.frame], z[profiles.frame], profiles.circle)
 
 
 def sensor_of(hand_eye: HandEye) -> Sensor:

@@ -160,6 +160,20 @@ def test_passes_that_only_meet_are_uncertain_by_half_of_a_step_between_them() ->
     assert courses[0].u(AT).max() < 0.01  # none is certain: nothing is put on
 
 
+def test_passes_that_turn_against_each_other_leave_half_of_that_uncertain() -> None:
+    """A robot that turns another way in the second pass: no misfit of the course, which would count without bound."""
+    rng, turn = np.random.default_rng(10), np.array([0.0, 4e-4, -3e-4])
+    s = np.tile(np.arange(0.0, LENGTH_MM, PITCH_MM), 2)
+    group = np.repeat([0, 1], s.size // 2)
+    turned = (group[:, None] - 0.5) * (s[:, None] - 0.5 * LENGTH_MM) * turn
+    y = np.stack([s, 2e-4 * s**2, 0.0 * s], axis=1) + rng.normal(0.0, 0.001, (s.size, 3)) + turned
+    course = fit_course(s, y, None, group, (2, 3))
+    off = course.value(AT) - np.stack([AT, 2e-4 * AT**2, 0.0 * AT], axis=1)
+    assert np.abs(off).max() < 0.002
+    inner = AT[np.abs(AT - 0.5 * LENGTH_MM) < 0.3 * LENGTH_MM]
+    assert course.slope_u(inner) == pytest.approx(0.5 * np.sqrt((turn**2).mean()) * np.ones(inner.size), rel=0.2)
+
+
 def test_outliers_are_left_out() -> None:
     rng = np.random.default_rng(9107)
     s, y = seen(long_wave, 7, 0.02)

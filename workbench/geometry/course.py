@@ -226,7 +226,7 @@ def _lasting(off: Float, size: Float, step: Float) -> None:
 
 def _misfit_elsewhere(course: Course, bins: Bins, beside: Bool) -> Course:
     """The course, its u raised by the whole misfit only at the stations `beside` (k,) what it leaves out."""
-    bins, _ = _aligned(bins, bool((course.stiffness[:, 0] > 1).all()))
+    bins, *_ = _aligned(bins, bool((course.stiffness[:, 0] > 1).all()))
     away = np.interp(bins.s, course.at_mm, beside.astype(float)) == 0.0
     if not away.any():
         return course
@@ -255,7 +255,7 @@ def _fit(
     shared: Shared,
 ) -> Course:
     process = None if shared.followed else shared.process
-    bins, between = (bins, 0.0) if process else _aligned(bins, orders[0] > 1)
+    bins, between, turned = (bins, 0.0, Turned()) if process else _aligned(bins, orders[0] > 1)
     together = process.covariance(bins.s, bins.spread, bins.group) if process else None
     noise_factor = _noise_factor(bins, stated, min(orders), together)
     noise_factor = max(noise_factor, 1.0) if stated else noise_factor
@@ -294,7 +294,8 @@ def _fit(
         white, spent = np.linalg.solve(np.linalg.cholesky(covariance), left), _spent(problems, found)
         misfit = _misfit(white, np.ones(weight.size), bins.group, spent)
     raised = max(1.0, misfit)
-    value, slope, by_shared = raised * value + between, raised * slope, None
+    value = raised * value + between + turned.variance * (stations - turned.about_mm) ** 2
+    slope, by_shared = raised * slope + turned.variance, None
     if together is not None:
         by_shared = _variance_by(together, problems, found, stations)[0]
     elif shared.process:
@@ -532,45 +533,65 @@ def _digits(values: Values) -> float:
     return DIGITS * float(np.abs(values.y).max()) / math.sqrt(float(values.variance.min()))
 
 
-def _aligned(bins: Bins, bends: bool) -> tuple[Bins, float]:
+class Turned(NamedTuple):
+    """How passes that bend together turn against each other."""
+
+    variance: float = 0.0  # of the slope that they have together
+    about_mm: float = 0.0
+
+
+def _aligned(bins: Bins, bends: bool) -> tuple[Bins, float, Turned]:
     """The bins with each pass's own offset taken off (they still average to 0), and the variance that this leaves.
 
-    Passes differ by what the robot repeats within a pass and not between passes: that is no wave of the course. Where
-    they share no part of it, a course that only `bends` tells where they meet.
+    Passes differ by what the robot repeats within a pass and not between passes: that is no wave of the course. A place
+    that `bends` (an edge) has a turn of each pass as well, where passes share most of their way. Where they share no
+    part of it, such a course tells where they meet.
     """
     passes = np.unique(bins.group)
     if passes.size < 2:
-        return bins, 0.0
+        return bins, 0.0, Turned()
     of_pass = [np.flatnonzero(bins.group == p) for p in passes]
     width = 2.0 * max(median(np.diff(bins.s[mine])) if mine.size > 1 else 0.0 for mine in of_pass) + 1e-9
-    off, weight = np.zeros((passes.size, bins.y.shape[1])), np.zeros(passes.size)
-    for k, mine in enumerate(of_pass):  # against each of the others, on the line between the two bins beside
-        total, known, count = np.zeros(bins.y.shape[1]), 0.0, 0
-        for other in (one for j, one in enumerate(of_pass) if j != k):
-            after = np.searchsorted(bins.s[other], bins.s[mine]).clip(1, max(other.size - 1, 1))
-            near = (
-                np.minimum.reduce(
-                    [np.abs(bins.s[other[np.minimum(i, other.size - 1)]] - bins.s[mine]) for i in (after - 1, after)]
-                )
-                < width
-            )
-            both = *bins.y[other].T, bins.variance[other]
-            *there, variance = (np.interp(bins.s[mine], bins.s[other], of) for of in both)
-            inside = near & (bins.s[mine] >= bins.s[other[0]]) & (bins.s[mine] <= bins.s[other[-1]])
-            share = inside / (bins.variance[mine] + variance)  # frames beside a shadow show little of a face
-            total = total + share @ (bins.y[mine] - np.transpose(there))
-            known, count = known + float(share.sum()), count + int(inside.sum())
-        if count >= LEAST_SHARED:
-            off[k], weight[k] = total, known
-    if not (weight > 0).any():
-        return _meeting(bins, of_pass) if bends else (bins, 0.0)
+    apart = [_against(bins, mine, of_pass, width) for mine in of_pass]
+    count = np.array([at.size for at, *_ in apart])
+    if not (count >= LEAST_SHARED).any():
+        return (*(_meeting(bins, of_pass) if bends else (bins, 0.0)), Turned())
+    seen = count >= LEAST_SHARED
+    shared = np.concatenate([at for at, *_ in apart])
+    middle = 0.5 * float(shared.min() + shared.max())
+    most = (np.ptp(at) > 0.5 * np.ptp(bins.s[mine]) for mine, (at, *_) in zip(of_pass, apart, strict=True))
+    turns = bends and bool((count > 2 * LEAST_SHARED).all()) and all(most)
+    off, weight = np.zeros((passes.size, 2, bins.y.shape[1])), np.zeros(passes.size)
+    for k in np.flatnonzero(seen):
+        at, differ, tells = apart[k]
+        weight[k], root = tells.sum(), np.sqrt(tells)[:, None]
+        shape = np.stack([np.ones(at.size), at - middle], axis=1)[:, : 1 + turns]
+        off[k, : 1 + turns] = np.linalg.lstsq(root * shape, root * differ, rcond=None)[0]
     # Each difference is against the others' mean: of g passes, g / (g - 1) times the pass's own offset.
-    off = off / np.where(weight > 0.0, weight, 1.0)[:, None] * (passes.size - 1) / passes.size
-    off[weight > 0] -= np.average(off, axis=0, weights=weight)
+    off *= (passes.size - 1) / passes.size
+    off[seen] -= np.average(off, axis=0, weights=weight)
     number = np.searchsorted(passes, bins.group)
-    seen = weight > 0
-    between = float((off[seen] ** 2).mean(axis=1).sum()) / max(seen.sum() * (seen.sum() - 1), 1)
-    return replace(bins, y=bins.y - off[number]), between
+    between, turned = (off[seen] ** 2).mean(axis=2).sum(axis=0) / max(seen.sum() * (seen.sum() - 1), 1)
+    y = bins.y - off[number, 0] - off[number, 1] * (bins.s - middle)[:, None]
+    return replace(bins, y=y), float(between), Turned(float(turned), middle)
+
+
+def _against(bins: Bins, mine: Int, of_pass: list[Int], width: float) -> tuple[Float, Float, Float]:
+    """Where (k,) bins of a pass lie between two bins of another; by how much beside the line through these (k, d).
+
+    And what that counts (k,): frames beside a shadow show little of a face.
+    """
+    found = []
+    for other in (one for one in of_pass if one is not mine):
+        after = np.searchsorted(bins.s[other], bins.s[mine]).clip(1, max(other.size - 1, 1))
+        beside = [np.abs(bins.s[other[np.minimum(i, other.size - 1)]] - bins.s[mine]) for i in (after - 1, after)]
+        near = np.minimum.reduce(beside) < width
+        on = mine[near & (bins.s[mine] >= bins.s[other[0]]) & (bins.s[mine] <= bins.s[other[-1]])]
+        both = *bins.y[other].T, bins.variance[other]
+        *there, variance = (np.interp(bins.s[on], bins.s[other], of) for of in both)
+        found.append((bins.s[on], bins.y[on] - np.transpose(there), 1.0 / (bins.variance[on] + variance)))
+    at, apart, tells = (np.concatenate(of) for of in zip(*found, strict=True))
+    return at, apart, tells
 
 
 def _meeting(bins: Bins, of_pass: list[Int]) -> tuple[Bins, float]:

@@ -115,16 +115,33 @@ def test_noise_alone_turns_no_line() -> None:
 def test_passes_average_what_the_sensor_errs_by_other_columns(apart_mm: float, share: float) -> None:
     linearity, nothing = Linearity(0.02, 1.0), np.zeros((2, 16))
     one = forms([image_of(nothing[:1])], np.zeros(1), linearity)[0]
-    passes = [SeenBy(-1.0, 1.0, PLACE_MM + off) for off in (0.0, apart_mm)]
+    passes = [SeenBy(-1.0, 1.0, PLACE_MM + off, 1.0) for off in (0.0, apart_mm)]
     both = forms([image_of(nothing, *passes)], np.zeros(1), linearity)[0]
     for name in ("turn_u", "lower_u_mm", "upper_u_mm"):
         assert getattr(both, name)[0] == pytest.approx(share * getattr(one, name)[0], rel=0.03), name
+
+
+@pytest.mark.parametrize(("apart_mm", "share"), [(0.0, 1.0), (10.0, np.sqrt(0.5))])
+def test_passes_average_what_lasts_in_other_columns(apart_mm: float, share: float) -> None:
+    walked = image_of(np.random.default_rng(8).normal(0.0, 0.01, (1, 16)).cumsum(axis=1))
+    passes = [SeenBy(-1.0, 1.0, PLACE_MM + off, 1.0) for off in (0.0, apart_mm)]
+    images = image_of(np.zeros((1, 16))), image_of(np.zeros((2, 16)), *passes)
+    seen = [image._replace(by_columns=lambda _: walked) for image in images]
+    told = [forms([image], np.zeros(1), Linearity(0.0))[0].turn_u[0] for image in seen]
+    assert told[1] == pytest.approx(share * told[0], rel=0.03)
+
+
+def test_what_a_sensor_errs_counts_less_on_a_steep_face() -> None:
+    """By the rays: across the face is less, and more of it lies between two columns."""
+    square, steep = (SeenBy(-1.0, 1.0, PLACE_MM / lean, lean) for lean in (1.0, 2.0))
+    one, other = (forms([image_of(np.zeros((1, 16)), of)], np.zeros(1), Linearity(0.02))[0] for of in (square, steep))
+    assert other.turn_u[0] == pytest.approx(one.turn_u[0] / 2.0**1.5, rel=0.05)
 
 
 def test_passes_do_not_average_what_lasts_of_a_face() -> None:
     """As uncertain as by one pass; more of the same tells only how strong it is."""
     bow = 0.02 * np.stack([PLACE_MM**2 - (PLACE_MM**2).mean()] * 2)
     one = forms([image_of(bow[:1])], np.zeros(1), Linearity(0.0))[0]
-    passes = [SeenBy(-1.0, 1.0, PLACE_MM + off) for off in (0.0, 10.0)]
+    passes = [SeenBy(-1.0, 1.0, PLACE_MM + off, 1.0) for off in (0.0, 10.0)]
     both = forms([image_of(bow, *passes)], np.zeros(1), Linearity(0.0))[0]
     assert both.turn_u[0] == pytest.approx(one.turn_u[0], rel=0.15)

@@ -23,7 +23,7 @@ from workbench.geometry.chains import FaceLines
 from workbench.geometry.medians import row_medians
 from workbench.units import AnyArray, Float, Int, Shaped
 
-FRAMES, LEAST_FRAMES = 480, 4  # evenly over the recording; of a stretch at the least
+FRAMES, LEAST_FRAMES = 480, 4  # evenly over each pass; of a stretch at the least
 STRETCH_MM, STRETCH_FRAMES = 40.0, 30  # of edge, whose frames are pooled; as long as it takes for so many
 PLACES, LEAST_PLACES = 16, 5  # on a face, along it
 OFTEN = 0.1  # of the frames, that a column sees a face
@@ -105,6 +105,7 @@ class SeenBy(NamedTuple):
     first_mm: float  # along the edge, from where
     last_mm: float
     column_mm: Shaped[Float, " p"]  # lateral places of the sensor that see the places on the face
+    lean: float  # mm along the face by mm of the sensor's lateral axis
 
 
 class FaceImage(NamedTuple):
@@ -130,8 +131,8 @@ def face_image(
     side (N,): its lower end lies towards rising side * x. s_frames (N,): arc length of each frame, mm.
     """
     frames = np.flatnonzero(np.isfinite(s_frames) & (face.count > LEAST_PLACES))
-    if frames.size > FRAMES:
-        frames = frames[np.unique(np.linspace(0, frames.size - 1, FRAMES).round().astype(np.int64))]
+    of_passes = [frames[cloud.pass_index[frames] == p] for p in np.unique(cloud.pass_index[frames])]
+    frames = np.concatenate([mine[_evenly(mine.size)] for mine in of_passes]) if of_passes else frames
     if frames.size < 2 * LEAST_FRAMES:
         return None
     slope = face.sxz[frames] / face.sxx[frames]
@@ -168,13 +169,19 @@ def face_image(
         if mine.any():
             mean[here] = np.stack([np.interp(s[here], image.s[mine], of) for of in image.mean[mine].T], axis=1)
         middle, sense = np.median(face.x_mean[frames][here]), np.median(side[frames][here])
-        passes.append(SeenBy(s[here].min(), s[here].max(), middle + sense * place_mm))
+        of_pass = float(np.median(lean[here]))
+        passes.append(SeenBy(s[here].min(), s[here].max(), middle + sense * place_mm / of_pass, of_pass))
     left = np.full(on.shape, np.nan)
     left[frame, column] = off[frame, column] - mean[frame, place[frame, column].astype(np.int64)]
     often = on.sum(axis=0) >= OFTEN * frames.size
     wide = max(1, round(float(np.median(on.sum(axis=1))) / places))
     by_columns = partial(_patches, left[:, often], width / wide, lean)
     return image._replace(wide=wide, passes=tuple(passes), by_columns=by_columns)
+
+
+def _evenly(count: int) -> Int:
+    """Which of so many frames of a pass are looked at."""
+    return np.unique(np.linspace(0, count - 1, min(count, FRAMES)).round().astype(np.int64))
 
 
 def _patches(left: Float, column_mm: float, lean: Float, asked: FaceImage) -> FaceImage | None:
@@ -266,7 +273,7 @@ def forms(images: Sequence[FaceImage | None], at: Float, sensor: Linearity) -> t
             continue
         columns = [None if one is None else one.by_columns(image) for one in images]
         by_columns = _walks([None if one is None else _weighed(one, False) for one in columns])[f]
-        out.append(_form(image, weighed.lasting(walk, by_columns), at, sensor))
+        out.append(_form(image, weighed.lasting(walk), at, sensor, float(by_columns @ WALKS**2)))
     return tuple(out)
 
 
@@ -298,13 +305,13 @@ class _Weighed(NamedTuple):
     aside_mm: Float  # (k, walks, singles, p) by which such parts stand aside
     aside_square: Float  # (k, walks, singles, p, p) the mean products of that, mm^2
 
-    def lasting(self, walk: Float, by_columns: Float) -> list[_Lasting]:
-        """By shares (walks,) of the walk's strengths, along the face and over the sensor's columns."""
+    def lasting(self, walk: Float) -> list[_Lasting]:
+        """By shares (walks,) of the walk's strengths along the face."""
         found = []
         of_stretches = _walk(self.image), self.log, self.aside_mm, self.aside_square
         for shape, log, aside, square in zip(*of_stretches, strict=True):
             share = walk[:, None] * np.exp(log - np.logaddexp.reduce(log, axis=1)[:, None])
-            covariance = float((walk + by_columns) @ WALKS**2) * shape
+            covariance = float(walk @ WALKS**2) * shape
             covariance += float((share @ SINGLES**2).sum()) * np.eye(len(shape))
             mean, moment = np.tensordot(share, aside), np.tensordot(share, square)
             found.append(_Lasting(covariance, mean, moment - np.outer(mean, mean)))
@@ -384,11 +391,12 @@ def _walk(image: FaceImage) -> Float:
     return np.asarray(along / image.lean[:, None, None] ** 3)
 
 
-def _form(image: FaceImage, lasting: Sequence[_Lasting], at: Float, sensor: Linearity) -> FaceForm:
+def _form(image: FaceImage, lasting: Sequence[_Lasting], at: Float, sensor: Linearity, walk: float) -> FaceForm:
     """What the line owes to what may last in each stretch.
 
-    A line has the mean of what all passes at a place make of it: what lasts may be the face's own, and is held for the
-    same in all; what the sensor errs by its columns averages, as far as passes see the face by other columns.
+    A line has the mean of what all passes at a place make of it, by what they tell of its direction: what lasts may be
+    the face's own, and is held for the same in all; what the sensor errs by its columns (walk: of it, squared strength)
+    averages, as far as passes see the face by other columns.
     """
     t = image.place_mm
     end = 0.5 * (3.0 * t[-1] - t[-2])
@@ -404,22 +412,33 @@ def _form(image: FaceImage, lasting: Sequence[_Lasting], at: Float, sensor: Line
         other = np.maximum((weights @ mean) ** 2 - _variance(weights, noise), 0.0)
         variance = _variance(centred, one.covariance) + _variance(beside, one.aside_covariance)
         rows.append(np.append(np.sqrt(variance + either**2 + other), beside @ one.aside_mm))
-    passes = image.passes or (SeenBy(-math.inf, math.inf, t),)
+    passes = image.passes or (SeenBy(-math.inf, math.inf, t / image.lean[0], float(image.lean[0])),)
+    tells = 1.0 / np.array([_variance(weights[:1], noise)[0] for noise in image.noise])
     share, told = np.zeros((len(passes), at.size)), np.zeros((len(passes), 6, at.size))
     for number, seen in enumerate(passes):
         mine = image.of_pass == number
         if mine.any():
             told[number] = [np.interp(at, image.s[mine], of) for of in np.array(rows)[mine].T]
-            share[number] = np.where((at >= seen.first_mm) & (at <= seen.last_mm), 1.0, 1e-6)  # where no pass is: all
+            here = (at >= seen.first_mm) & (at <= seen.last_mm)
+            share[number] = np.where(here, 1.0, 1e-6) * tells[mine].sum()  # where no pass is: all
     share /= share.sum(axis=0)
     apart = [[a.column_mm[:, None] - b.column_mm for b in passes] for a in passes]
-    field = np.einsum("cx,pqxy,cy->cpq", centred, sensor.covariance(np.array(apart)), centred)
+    leans = np.array([one.lean for one in passes])
+    both = np.multiply.outer(leans, leans)[..., None, None]
+    field = sensor.covariance(np.array(apart)) - 0.5 * walk * _apart(np.array(apart), (t[1] - t[0]) / np.sqrt(both))
+    field = np.einsum("cx,pqxy,cy->cpq", centred, field / both, centred)
     mean = np.einsum("pm,pcm->cm", share, told)
     by_sensor = np.einsum("pm,cpq,qm->cm", share, field, share)
     turn_u, lower_u, upper_u = np.sqrt(mean[:3] ** 2 + by_sensor)
     turn, lower, upper = mean[3:]
     aside_mm = max(float(np.abs(one.aside_mm).max()) for one in lasting)
     return FaceForm(turn_u, lower_u, upper_u, 2.0 * end, turn, lower, upper, aside_mm)
+
+
+def _apart(middle_mm: Float, wide_mm: Float) -> Float:
+    """Mean distance of two points of two places whose middles lie so far apart, each so wide."""
+    away = np.minimum(np.abs(middle_mm) / wide_mm, 1.0)
+    return np.abs(middle_mm) + wide_mm * (1.0 - away) ** 3 / 3.0
 
 
 def _variance(weights: Float, covariance: Float) -> Float:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.shapes import unchecked
-from workbench.edge.broken_end import BrokenEnd
+from workbench.edge.broken_end import whole_end
 from workbench.geometry.grids import fuse
 from workbench.units import Shaped
 
 
 def test_a_dataclass_with_another_axis_fails() -> None:
-    BrokenEnd(np.zeros(3), np.zeros(3), np.zeros(3), 0.0, 0.0)
+    end = whole_end(3)
     with pytest.raises(AssertionError, match=r"BrokenEnd, u_mm: expected Shaped\[Float, ' N'\], found \(4,\)"):
-        BrokenEnd(np.zeros(3), np.zeros(4), np.zeros(3), 0.0, 0.0)
+        replace(end, u_mm=np.zeros(4))
 
 
 def test_a_function_with_another_axis_fails() -> None:

@@ -21,6 +21,7 @@ from tests.seldom import seldom
 from workbench.artefacts import MilledEdge
 from workbench.cloud import denoise
 from workbench.edge import segment
+from workbench.edge.broken_end import BrokenEnd, PassEnd
 from workbench.scan import fuse
 from workbench.units import DEG, Float
 
@@ -147,3 +148,30 @@ def test_a_lower_surface_that_returns_in_half_of_the_frames_is_not_the_root_face
     found = one(("below", "triangulated", 9_643_006, tmp_path, "product")).found["root_mm"]
     assert np.abs(found.error / found.u).max() < 3.0
     assert found.u.max() < 0.03
+
+
+def two_views(radius_mm: float, of_corner: bool) -> BrokenEnd:
+    """What ends of two passes say together: they stop 0.5 and 0.2 of the radius before the edge, or one shows it."""
+    radii = np.linspace(0.0, 0.4, 81)
+    share, s = np.full(radii.size, 1.0 / radii.size), np.tile(np.linspace(0.0, 80.0, 200), 2)
+    which = np.repeat([0, 1], 200)
+    ends = [PassEnd(0.5 * radii, np.full(radii.size, 0.002)), PassEnd(0.2 * radii, np.full(radii.size, 0.002))]
+    short = np.where(which == 0, 0.5, 0.0 if of_corner else 0.2) * radius_mm
+    end_mm = 1.5 - short + np.random.default_rng(3).normal(0.0, 0.005, s.size)
+    alone = [float(share @ end.beyond) for end in ends], [float(np.std(end.beyond)) for end in ends]
+    beyond, u = (np.array(of)[which] for of in alone)
+    corner = (which == 1) & of_corner
+    seen = {0: ends[0]} if of_corner else dict(enumerate(ends))
+    none = np.zeros(s.size)
+    found = BrokenEnd(np.where(corner, 0.0, beyond), np.where(corner, 0.0, u), none, 0.1, 0.0, u, share, seen)
+    return found.agreed(s, end_mm, which, corner)
+
+
+@pytest.mark.parametrize("of_corner", [False, True])
+@pytest.mark.parametrize("radius_mm", [0.05, 0.3])
+def test_places_at_which_passes_end_tell_the_rounding(radius_mm: float, of_corner: bool) -> None:
+    found = two_views(radius_mm, of_corner)
+    for number, short in enumerate((0.5, 0.0 if of_corner else 0.2)):
+        beyond, u = found.beyond_mm[200 * number], found.together_u_mm[200 * number]
+        assert abs(beyond - short * radius_mm) < 2.0 * u + 0.002
+    assert found.together_u_mm.max() < (0.003 if of_corner else 0.015)  # of one pass alone 0.06

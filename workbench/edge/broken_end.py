@@ -9,8 +9,8 @@ templates, by the depths in all passes, gives each pass the mean of what it does
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -22,8 +22,9 @@ from workbench.edge.faces import TrackedFaces
 from workbench.edge.lower_fillet import LowerFillet
 from workbench.geometry.blocks import as_input
 from workbench.geometry.chains import FaceLines
-from workbench.geometry.course import stretches
+from workbench.geometry.course import CHANCE, LEAST_SHARED, stretches
 from workbench.geometry.end_face import BROKEN_MM
+from workbench.geometry.medians import medians
 from workbench.kernels import kernel
 from workbench.units import Bool, Float, Float32, Int, Shaped
 
@@ -102,6 +103,13 @@ def is_free_end(tracked: TrackedFaces) -> Bool:
     return tracked.seen & ~(tracked.end_is_cut | tracked.end_is_burred | tracked.end_is_corner)
 
 
+class PassEnd(NamedTuple):
+    """How far the virtual edge lies beyond the returns of a pass, by each of the templates."""
+
+    beyond: Shaped[Float, " t"]  # mm: mean
+    beyond_u: Shaped[Float, " t"]  # and standard uncertainty
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class BrokenEnd:
     """What the posterior over the templates says of N frames; zeros where the face's end is no free one."""
@@ -111,11 +119,63 @@ class BrokenEnd:
     hidden_u_mm: Shaped[Float, " N"]  # the same by columns that do not show where it ends (`hidden_columns_u`)
     size_mm: float  # radius of a rounding, height of a chamfer, where the edge is proven broken; else 0
     rim_mm: float  # of the face before its last return on the line, or its corner, along x, that is broken
+    together_u_mm: Shaped[Float, " N"]  # `u_mm` where passes show the same edge, by what all of them see of its place
+    share: Shaped[Float, " t"]  # of the templates
+    seen: Mapping[int, PassEnd]  # by pass
 
     @property
     def doubt_mm(self) -> Float:
         """Standard uncertainty (N,), mm, of all that a frame does not show of the end."""
         return np.hypot(self.u_mm, self.hidden_u_mm)
+
+    def agreed(self, s: Float, end_mm: Float, pass_index: Int, is_corner: Bool) -> BrokenEnd:
+        """The same, by the places as well at which passes see the edge end: each template says that they are one.
+
+        Args:
+            s: (N,) of the frames along the edge, mm.
+            end_mm: (N,) where their returns on the line end, mm along the face; NaN: not seen.
+            pass_index: (N,) their passes.
+            is_corner: (N,) frames that show the edge itself, at `end_mm`.
+
+        Source: eq. (12c) of docs/method.md.
+        """
+        nothing = PassEnd(np.zeros(self.share.size), np.zeros(self.share.size))
+        views = [((pass_index == p) & ~is_corner, seen) for p, seen in self.seen.items()]
+        views += [((pass_index == p) & is_corner, nothing) for p in np.unique(pass_index[is_corner])]
+        known = np.isfinite(s) & np.isfinite(end_mm)
+        if len(views) < 2 or not known.any():
+            return self
+        cell = stretches(s[known], CELL_MM)
+        ends = np.stack([_by_cells(cell[on[known]], end_mm[known & on], int(cell.max()) + 1) for on, _ in views])
+        shared = ends[:, np.isfinite(ends).all(axis=0)]
+        if shared.shape[1] < LEAST_SHARED:
+            return self
+        off = shared - shared.mean(axis=0)
+        place, noise = off.mean(axis=1)[:, None], off.var(axis=1, ddof=1)[:, None] / shared.shape[1]
+        at = place + np.array([seen.beyond for _, seen in views])
+        own = np.array([seen.beyond_u for _, seen in views]) ** 2
+        variance = own + noise + ALIKE_MM**2
+        weight = 1.0 / variance / (1.0 / variance).sum(axis=0)
+        edge = (weight * at).sum(axis=0)
+        apart = (weight * (at - edge) ** 2).sum(axis=0)
+        misfit = ((at - edge) ** 2 / variance + np.log(variance)).sum(axis=0) + np.log((1.0 / variance).sum(axis=0))
+        with np.errstate(divide="ignore"):
+            log = np.log(self.share) - 0.5 * misfit
+        share = np.exp(log - log.max())
+        share /= share.sum()
+        mean = float(share @ edge)
+        unexplained = np.maximum(apart - CHANCE**2 * (weight * variance).sum(axis=0), 0.0)
+        left = (edge - mean) ** 2 + (weight**2 * own).sum(axis=0) + unexplained
+        beyond, u = self.beyond_mm.copy(), self.u_mm.copy()
+        for (on, _), begin in zip(views, place[:, 0], strict=True):
+            beyond[on], u[on] = mean - begin, math.sqrt(float(share @ left))
+        return replace(self, beyond_mm=beyond, together_u_mm=u, share=share)
+
+
+def _by_cells(cell: Int, values: Float, count: int) -> Float:
+    """Medians (count,) of values (n,) by the number of their cell (n,); NaN of an empty one."""
+    order = np.argsort(cell, kind="stable")
+    return medians(values[order], np.searchsorted(cell[order], np.arange(count + 1)))
 
 
 def broken_end(
@@ -143,7 +203,7 @@ def broken_end(
         seen, likelihood, share = _posterior(views, templates, corner)
     possible = np.isfinite(templates.log_prior[1:])
     proven = bool(likelihood[1:][possible].max() - likelihood[0] > PROOF)
-    rims = [0.0]
+    rims, by_pass = [0.0], dict[int, PassEnd]()
     for p, view, one in zip(numbers, views, seen, strict=True):
         mine = here & (cloud.pass_index == p)
         mean, spread = beyond_of(share, one)
@@ -151,13 +211,14 @@ def broken_end(
         # No break reaches farther than its size: what does is another surface's.
         other = max(mean - float(share @ templates.size_mm) - view.step_mm, 0.0)
         beyond[mine], u[mine] = mean, math.hypot(spread, odd, other)
+        by_pass[int(p)] = PassEnd(one.beyond, np.sqrt(one.beyond_u**2 + odd**2 + other**2))
         deep = share @ one.fall > 3.0 * np.sqrt(np.diag(view.known.noise))
         rims.append(float(np.diff(view.edges_mm)[deep].sum()) * math.cos(view.inclination))
     size, rim_mm = (float(share @ templates.size_mm), max(rims)) if proven and seen else (0.0, 0.0)
     if corner is not None:
         size, rim_mm = max(size, corner.radius_mm), max(rim_mm, corner.rim_mm)
     hidden = np.where(here, _hidden_end_u_mm(cloud, rim.face), 0.0)
-    return BrokenEnd(beyond, u, hidden, size, rim_mm)
+    return BrokenEnd(beyond, u, hidden, size, rim_mm, u, share, by_pass)
 
 
 def _posterior(
@@ -210,7 +271,7 @@ def beyond_of(share: Shaped[Float, " t"], seen: SeenEnd) -> tuple[float, float]:
 def whole_end(frames: int) -> BrokenEnd:
     """The end of a face of which nothing is broken."""
     none = np.zeros(frames)
-    return BrokenEnd(none, none, none, 0.0, 0.0)
+    return BrokenEnd(none, none, none, 0.0, 0.0, none, np.ones(1), {})
 
 
 def together_along(s: Float, doubt_mm: Float, at: Float, *values: Float | Bool) -> tuple[Float, ...]:

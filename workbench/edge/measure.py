@@ -76,6 +76,7 @@ class Measured:
     shift: float  # of all arc lengths above but `s_low`, mm: they count from another place
     # how far each frame's lower edge still moved in the last round, where it did not settle; 0 elsewhere
     unsettled_mm: Shaped[Float, " N"]
+    broken: BrokenEnd  # what the frames do not show of the lower end, by the places of all passes as well
 
 
 def measure_edge(cloud: Cloud, tracked: TrackedFaces, broken: BrokenEnd | None = None) -> Measured:
@@ -257,7 +258,7 @@ def _state(
     faces = _directions(cloud, tracked, curve, s, few)
     root, none = faces.root, np.zeros_like(s)
     made = _corner(faces, s, *face_angles(faces, np.where(np.isfinite(s), s, 0.0)), none, none)
-    ends = _whole(root_ends(cloud, tracked, curve, root, faces.bevel, made, s), broken)
+    ends, agreed = _whole(cloud, tracked, root_ends(cloud, tracked, curve, root, faces.bevel, made, s), made, broken)
     safe = np.where(np.isfinite(made.upper_s), made.upper_s, 0.0)
     middle, spread = ends.low + 0.5 * ends.step, ends.sigma**2 + ends.step**2 / 12.0 + 1e-8
     shows = np.arange(s.size)[of][weights(made.upper_s[of], broken.doubt_mm[of]) > LEAST_WEIGHT]
@@ -267,7 +268,9 @@ def _state(
     made = _corner(faces, s, made.tilt, made.beta, course.value(safe), course.slope(safe))
     end = said = None
     if few is None:
-        ends = _whole(root_ends(cloud, tracked, curve, root, faces.bevel, made, s), broken)
+        ends, agreed = _whole(
+            cloud, tracked, root_ends(cloud, tracked, curve, root, faces.bevel, made, s), made, broken
+        )
         end = find_end(_as_ends(cloud, tracked, ends, made.upper_s, faces, course, broken), course)
         said = readings(end.s, end.middle, end.middle_u, end.course.at_mm, end.course)
         course = said.moved(end.course)
@@ -295,13 +298,18 @@ def _state(
         made.bevel_turn,
         shift,
         none,
+        agreed,
     )
     return measured, lower_edge, s_low
 
 
-def _whole(ends: RootEnds, broken: BrokenEnd) -> RootEnds:
-    """The ends, up to the virtual sharp edge."""
-    return replace(ends, low=ends.low + broken.beyond_mm)
+def _whole(
+    cloud: Cloud, tracked: TrackedFaces, ends: RootEnds, corner: FaceCorner, broken: BrokenEnd
+) -> tuple[RootEnds, BrokenEnd]:
+    """The ends, up to the virtual sharp edge; and what lies beyond them, by their places as well."""
+    places = ends.low + 0.5 * ends.step
+    agreed = broken.agreed(corner.upper_s, places, cloud.pass_index, tracked.end_is_corner)
+    return replace(ends, low=ends.low + agreed.beyond_mm), agreed
 
 
 def _corner(faces: Faces, s: Float, tilt: Float, beta: Float, size: Float, size_slope: Float) -> FaceCorner:

@@ -248,14 +248,14 @@ def milled_edge(
     shared = math.hypot(by_robot, laser_plane_u(cloud), cloud.sparse_poses_u[1])
     shared_u = np.hypot(shared, _late_u(cloud, measured, at))
     tangent_u = np.hypot(measured.curve.tangent_u(at + measured.shift), shared_u)
-    end = _end_terms(cloud, tracked, measured, rounding, at, lower_form, declared.end_u_mm)
+    end = _end_terms(cloud, tracked, measured, measured.broken, at, lower_form, declared.end_u_mm)
     ledge_mm = ledge_takes_mm(_value(checks, "close_stands_out_mm"), corrected_angles(measured, at + measured.shift)[1])
     end = end._replace(hidden_u_mm=np.hypot(end.hidden_u_mm, ledge_mm))
     root, bevel = sizes(measured, at, tangent_u, root_form, bevel_form, end)
     told: tuple[str, ...] = ()
     if rounding.size_mm > 0.0:
         sentence = FILLETED if tracked.end_is_corner[tracked.seen].all() else ROUNDED
-        told = (sentence.format(rounding.size_mm, rounding.beyond_mm.max()),)
+        told = (sentence.format(rounding.size_mm, measured.broken.beyond_mm.max()),)
     if tracked.lies_on.any():
         told += (LIES_ON,)
     faces = ("root face", root_form), ("bevel face", bevel_form)
@@ -315,7 +315,7 @@ def _end_terms(
     shown = np.where(np.isfinite(measured.ends.low), measured.upper_s, np.nan)
     face = tracked.faces[ROOT_FACE]
     by_break, by_columns, at_corner = together_along(
-        shown, broken.doubt_mm, s, broken.u_mm, broken.hidden_u_mm, tracked.end_is_corner
+        shown, broken.doubt_mm, s, broken.together_u_mm, broken.hidden_u_mm, tracked.end_is_corner
     )
     lower = at_corner * np.hypot(lower_form.upper_u_mm, LIT_COLUMNS * column_pitch_mm(cloud.x_mm))
     hidden = np.hypot(by_columns, under_u_mm(cloud, tracked, measured.s_low, at))

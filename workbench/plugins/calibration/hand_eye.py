@@ -182,9 +182,9 @@ def _with_scales(
     """Solve; where the residuals contradict the profiler's x or z, free its scale, and solve without its error."""
     free, sensor = (False, False), Sensor(np.zeros(2), np.array(view_of(profiles, recording).middle_mm))
     for _ in range(ROUNDS):
-        here, design = rescaled(profiles, recording, sensor), recording.flange_from_profiler
-        seen, view = by_pass(here, recording), view_of(here, recording, sensor)
-        answer = solve(seen, noise, design, where=where, limit_mm=limit_mm, view=view, judged=False)
+        here, begin = rescaled(profiles, recording, sensor), recording.flange_from_profiler
+        view = view_of(here, recording, sensor)
+        answer = solve(by_pass(here, recording), noise, begin, where=where, limit_mm=limit_mm, view=view, judged=False)
         scales = scales_of(answer, profiles, recording, sensor, free, stated_u)
         worst = scales.contradicted
         if worst is not None:

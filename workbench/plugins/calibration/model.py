@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.api import DEG, Float, Shaped, estimator, rotation_from_vector, vector_from_rotation
+from workbench.api import DEG, AnyArray, Float, Shaped, estimator, rotation_from_vector, vector_from_rotation
 from workbench.plugins.calibration.observations import Flange, Observations, Timed, sharing
 
 LEAST_MM = (16.0, 20.0)  # half sides of a field of view: the paper's sensor; a sphere alone may show less of one
@@ -297,7 +297,7 @@ def view_of(circle: Float) -> View:
     return _box(*_span(circle))
 
 
-def view_of_points(x_mm: Float, z_mm: Float, circle: Float) -> View:
+def view_of_points(x_mm: AnyArray, z_mm: AnyArray, circle: Float) -> View:
     """The field in which a recording's points lie, all but the outermost of each side, and its circles."""
     good = np.isfinite(x_mm) & np.isfinite(z_mm)
     low, high = np.quantile(np.stack([x_mm[good], z_mm[good]]), [OUTERMOST, 1 - OUTERMOST], axis=1)

@@ -129,10 +129,20 @@ def test_the_plate_and_the_scanner_are_bodies(shipped: Made) -> None:
     assert "cutter" not in bodies
 
 
-def test_a_polyline_of_a_drawing_is_an_edge(tmp_path: Path) -> None:
-    rows = "".join(f"10\n{x}\n20\n0.0\n" for x in (1500.0, 1515.0, 1530.0))
-    drawn = tmp_path / "edge.dxf"
-    drawn.write_text(f"0\nSECTION\n2\nENTITIES\n0\nLWPOLYLINE\n38\n800.0\n{rows}0\nENDSEC\n0\nEOF\n")
+ALONG_MM = (1500.0, 1515.0, 1530.0)
+DRAWN = "".join(f"10\n{x}\n20\n0.0\n" for x in ALONG_MM)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("edge.dxf", f"0\nSECTION\n2\nENTITIES\n0\nLWPOLYLINE\n38\n800.0\n{DRAWN}0\nENDSEC\n0\nEOF\n"),
+        ("edge.csv", "".join(["x_mm,y_mm,z_mm\n", *(f"{x},0,800\n" for x in ALONG_MM)])),
+    ],
+)
+def test_a_polyline_is_an_edge(tmp_path: Path, name: str, text: str) -> None:
+    drawn = tmp_path / name
+    drawn.write_text(text)
     found = made(edge=drawn, passes=1).plan.edge
     assert np.allclose(found.position_mm[[0, -1]], [[1500.0, 0.0, 800.0], [1530.0, 0.0, 800.0]])
     assert np.allclose(np.abs(found.normal), [0.0, 1.0, 0.0])

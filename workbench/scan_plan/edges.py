@@ -18,6 +18,7 @@ from workbench.compare.surface import rigid
 from workbench.errors import InputError
 from workbench.geometry.grids import fuse
 from workbench.geometry.poses import rotation_from_quaternion
+from workbench.plugins.csv_table import Table
 from workbench.result_files.contract import ResultFile, Vector
 from workbench.scan_plan.information import Joint
 from workbench.scan_plan.way import EdgeLine
@@ -31,6 +32,7 @@ SAMPLED_FRAMES = 200  # likewise, for its noise
 SECOND_DIFFERENCE = 1.4826 / math.sqrt(6.0)  # standard deviation by the median of |z1 - 2 z2 + z3|
 LEFT, SURE = 0.5, 0.06  # of roughness, by a frame's line; of the noise's variance, that is no chance
 RECORDINGS, DRAWINGS = (".h5", ".hdf5"), (".dxf",)
+POINT = ("x_mm", "y_mm", "z_mm")  # columns of a polyline in the base
 
 
 class EdgeLineFile(ResultFile):
@@ -54,6 +56,8 @@ def read_edge(path: Path, upper_side: Float, joint: Joint, hand_eye: HandEye | N
         return _recorded(path, upper_side, joint, hand_eye)
     if suffix in DRAWINGS:
         return EdgeLine.through(_dxf_points(path), upper_side, path)
+    if suffix == ".csv":
+        return EdgeLine.through(Table(path, POINT, 2).numbers(POINT), upper_side, path)
     if read_json(path).get("format") == "bevel-toolpath":
         from workbench.path import read
 

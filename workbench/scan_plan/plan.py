@@ -175,7 +175,8 @@ def plan(
     Args:
         cell: the robot cell; without one reach and shadows are not looked at, and the plan says so.
         taught: points along the edge; or:
-        edge: roughly where the edge is: a recording, toolpath.json, edge-line.json, DXF polyline in mm, or STEP model.
+        edge: roughly where the edge is: a recording, toolpath.json, edge-line.json, CSV (x_mm, y_mm, z_mm) or DXF
+            polyline in mm, or STEP model.
         sensor: a sensor.json with columns, measuring_range_mm, width_mm and noise_mm.
         hand_eye: a handeye.json: where the scanner sits on the flange.
         upper_side: rough direction from the lower to the upper side, in the base, where the file has none.

@@ -19,9 +19,11 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import Cloud
+from workbench.geometry.blocks import as_input
 from workbench.geometry.chains import FaceLines
-from workbench.geometry.medians import row_medians
-from workbench.units import AnyArray, Float, Int, Shaped
+from workbench.geometry.medians import median, row_medians
+from workbench.kernels import kernel
+from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
 FRAMES, LEAST_FRAMES = 480, 4  # evenly over each pass; of a stretch at the least
 STRETCH_MM, STRETCH_FRAMES = 40.0, 30  # of edge, whose frames are pooled; as long as it takes for so many
@@ -141,41 +143,36 @@ def face_image(
     columns = np.flatnonzero(on.any(axis=0))
     part = slice(columns[0], columns[-1] + 1)
     on = on[:, part]
-    dx = np.where(on, cloud.x_mm[frames, part] - face.x_mean[frames, None], 0.0)
-    off = np.where(
-        on, (cloud.z_mm[frames, part] - face.z_mean[frames, None] - slope[:, None] * dx) / lean[:, None], 0.0
-    )
-    along = dx * (side[frames] * lean)[:, None]
     half = np.sqrt(3.0) * float(np.median(np.sqrt(face.sxx[frames] / face.count[frames]) * lean))
     places = int(min(np.median(on.sum(axis=1)), PLACES))
     if places < LEAST_PLACES:
         return None
-    place = np.floor((along / half + 1.0) * 0.5 * places)
-    on &= (place >= 0) & (place < places)
-    frame, column = np.nonzero(on)
-    key = frame * places + place[frame, column].astype(np.int64)
-    count = np.bincount(key, minlength=frames.size * places).reshape(-1, places)
-    total = np.bincount(key, off[frame, column], minlength=frames.size * places).reshape(-1, places)
-    value = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    line = np.stack([face.x_mean[frames], face.z_mean[frames], slope, side[frames]], axis=1)
+    x, z = (as_input(of[frames, part]) for of in (cloud.x_mm, cloud.z_mm))
+    place, off = np.full(on.shape, -1), np.full(on.shape, np.nan)
+    value = np.empty((frames.size, places))
+    _laid_out(x, z, as_input(on), line, half, place, off, value)
     width = 2.0 * half / places
     place_mm, s = (np.arange(places) + 0.5 - 0.5 * places) * width, s_frames[frames]
-    known, group = np.unique(cloud.pass_index[frames], return_inverse=True)
+    numbers, group = np.unique(cloud.pass_index[frames], return_inverse=True)
     image = _pooled(value, s, place_mm, lean, group)
     if image is None:
         return None
     mean, passes = np.full(value.shape, np.nan), []
-    for number in range(known.size):
+    for number in range(numbers.size):
         here, mine = group == number, image.of_pass == number
         if mine.any():
             mean[here] = np.stack([np.interp(s[here], image.s[mine], of) for of in image.mean[mine].T], axis=1)
         middle, sense = np.median(face.x_mean[frames][here]), np.median(side[frames][here])
         of_pass = float(np.median(lean[here]))
         passes.append(SeenBy(s[here].min(), s[here].max(), middle + sense * place_mm / of_pass, of_pass))
-    left = np.full(on.shape, np.nan)
-    left[frame, column] = off[frame, column] - mean[frame, place[frame, column].astype(np.int64)]
-    often = on.sum(axis=0) >= OFTEN * frames.size
-    wide = max(1, round(float(np.median(on.sum(axis=1))) / places))
-    by_columns = partial(_patches, left[:, often], width / wide, lean)
+    here = place >= 0
+    often = np.flatnonzero(here.sum(axis=0) >= OFTEN * frames.size)
+    wide = max(1, round(float(np.median(here.sum(axis=1))) / places))
+    left = off[:, often] - np.take_along_axis(mean, place[:, often].clip(0), axis=1)
+    known = np.isfinite(left)
+    sums = np.cumsum(np.pad(np.stack([np.where(known, left, 0.0), known]), ((0, 0), (0, 0), (1, 0))), axis=2)
+    by_columns = partial(_patches, sums, width / wide, lean)
     return image._replace(wide=wide, passes=tuple(passes), by_columns=by_columns)
 
 
@@ -184,28 +181,57 @@ def _evenly(count: int) -> Int:
     return np.unique(np.linspace(0, count - 1, min(count, FRAMES)).round().astype(np.int64))
 
 
-def _patches(left: Float, column_mm: float, lean: Float, asked: FaceImage) -> FaceImage | None:
-    """Patches of what places leave in frames by columns (f, n), with places as wide as those of the face asked about.
+@kernel
+def _laid_out(x: Float32, z: Float32, on: Bool, line: Float, half: float, place: Int, off: Float, value: Float) -> None:
+    """Fill in where returns (f, n) lie along a face, how far off its line, and the means of places (f, p); else NaN.
+
+    line (f, 4): x and z of its middle, its slope, and the side of its lower end; half (mm): of what is seen of it.
+    """
+    places = value.shape[1]
+    total, count = np.empty(places), np.empty(places)
+    for i in range(x.shape[0]):
+        middle_x, middle_z, slope, side = line[i]
+        lean = math.sqrt(1.0 + slope * slope)
+        total[:] = 0.0
+        count[:] = 0.0
+        for j in range(x.shape[1]):
+            if on[i, j]:
+                dx = np.float64(x[i, j]) - middle_x
+                k = math.floor((dx * side * lean / half + 1.0) * 0.5 * places)
+                if 0 <= k < places:
+                    place[i, j] = k
+                    off[i, j] = (np.float64(z[i, j]) - middle_z - slope * dx) / lean
+                    total[k] += off[i, j]
+                    count[k] += 1.0
+        for k in range(places):
+            value[i, k] = total[k] / count[k] if count[k] > 0.0 else np.nan
+
+
+def _patches(sums: Float, column_mm: float, lean: Float, asked: FaceImage) -> FaceImage | None:
+    """Patches of what places leave in frames by columns, with places as wide as those of the face asked about.
 
     It is fixed to the sensor: places of a wide face average out what turns a narrow one, and those of a face that moves
-    in the view what stays in its column.
+    in the view what stays in its column. sums (2, f, n + 1): of that before each of n columns, and how much is seen.
     """
-    places = min(PLACES, left.shape[1] // asked.wide)
+    columns = sums.shape[2] - 1
+    places = min(PLACES, columns // asked.wide)
     if places < LEAST_PLACES:
         return None
     size = places * asked.wide
-    last = left.shape[1] - size
-    low = np.linspace(0, last, min(PLACES, left.shape[1] // size)).astype(np.int64)
+    last = columns - size
+    low = np.linspace(0, last, min(PLACES, columns // size)).astype(np.int64)
     low = low[2 * low <= last]
     begins = np.union1d(low, last - low)  # the same from either end
     place = (np.arange(places) - 0.5 * (places - 1)) * column_mm * asked.wide
-    values = (left[:, begin : begin + size].reshape(-1, places, asked.wide) for begin in begins)
-    alike = np.zeros(len(left), np.int64)
-    found = [_pooled(_mean(value), np.arange(len(value), dtype=float), place, lean, alike, 1) for value in values]
-    known = [one for one in found if one is not None]
-    if not known:
+    frame, found = np.arange(len(lean), dtype=float), []
+    for begin in begins:
+        total, count = np.diff(sums[:, :, begin + asked.wide * np.arange(places + 1)], axis=2)
+        value = np.where(count > 0.0, total / np.maximum(count, 1.0), np.nan)
+        found.append(_pooled(value, frame, place, lean, np.zeros(len(lean), np.int64), 1))
+    some = [(one.mean, one.noise) for one in found if one is not None]
+    if not some:
         return None
-    mean, noise = (np.concatenate(parts) for parts in zip(*((one.mean, one.noise) for one in known), strict=True))
+    mean, noise = (np.concatenate(parts) for parts in zip(*some, strict=True))
     lean = np.full(len(mean), np.median(lean))
     return FaceImage(np.zeros(lean.size), mean, noise, place, lean, np.zeros(lean.size, np.int64))
 
@@ -216,35 +242,33 @@ def _pooled(value: Float, s: Float, place_mm: Float, lean: Float, group: Int, mo
     stretches = max(1, min(math.floor(np.ptp(s) / STRETCH_MM), len(value) // (STRETCH_FRAMES * passes), most))
     stretch = np.minimum((s - s.min()) / max(float(np.ptp(s)), 1e-9) * stretches, stretches - 1).astype(np.int64)
     stretch += group * stretches
-    every = range(stretches * passes)
-    keep = [k for k in every if (np.isfinite(value[stretch == k]).sum(axis=0) >= LEAST_FRAMES).all()]
+    of = [np.flatnonzero(stretch == k) for k in range(stretches * passes)]
+    known = np.isfinite(value)
+    count = [known[mine].sum(axis=0) for mine in of]
+    keep = [k for k, one in enumerate(count) if one.min() >= LEAST_FRAMES]
     if not keep:
         return None
-    middle = np.stack([_trimmed(value[stretch == k]) for k in keep])
-    left = np.concatenate([value[stretch == k] - m for k, m in zip(keep, middle, strict=True)])
+    middle = np.stack([_trimmed(value[of[k]]) for k in keep])
+    left = np.concatenate([value[of[k]] - m for k, m in zip(keep, middle, strict=True)])
     spread = 3.0 * 1.4826 * row_medians(np.abs(left).T) + 1e-9
-    seen = np.sqrt(np.isfinite(left).sum(axis=0))
-    left = np.clip(np.nan_to_num(left), -spread, spread)
+    seen = np.sqrt(sum(count[k] for k in keep))
+    left = np.where(np.isnan(left), 0.0, left).clip(-spread, spread)
     covariance = left.T @ left / (seen[:, None] * seen)
     covariance = (1.0 - SHRUNK) * covariance + SHRUNK * np.diag(np.diag(covariance))
-    counted = np.array([np.isfinite(value[stretch == k]).sum(axis=0).mean() for k in keep]) / _together(left)
-    at = np.array([s[stretch == k].mean() for k in keep])
+    counted = np.array([count[k].mean() for k in keep]) / _together(left)
+    at = np.array([s[of[k]].mean() for k in keep])
     noise = covariance[None] / counted[:, None, None]
-    leans = np.array([np.median(lean[stretch == k]) for k in keep])
+    leans = np.array([median(lean[of[k]]) for k in keep])
     return FaceImage(at, middle, noise, place_mm, leans, np.array(keep) // stretches)
-
-
-def _mean(value: Float) -> Float:
-    """Means (f, p) of what is known of (f, p, w)."""
-    known = np.isfinite(value)
-    return np.asarray(np.where(known, value, 0.0).sum(axis=2) / np.where(known.any(axis=2), known.sum(axis=2), np.nan))
 
 
 def _trimmed(value: Float) -> Float:
     """Means of (f, p) over the frames, values far beyond the others cut back."""
     middle = row_medians(value.T)
     reach = 3.0 * 1.4826 * row_medians(np.abs(value - middle).T) + 1e-9
-    return np.asarray(np.nanmean(np.clip(value, middle - reach, middle + reach), axis=0))
+    cut = value.clip(middle - reach, middle + reach)
+    known = np.isfinite(cut)
+    return np.asarray(np.where(known, cut, 0.0).sum(axis=0) / known.sum(axis=0))
 
 
 def _together(left: Float) -> float:
@@ -322,46 +346,152 @@ def _weighed(image: FaceImage, with_parts: bool) -> _Weighed:
     """Restricted log-likelihoods of each stretch's mean residuals; with_parts: a part of the face may stand aside."""
     t = image.place_mm
     shapes = np.stack([np.ones_like(t), t / t[-1]], axis=1)
-    base = image.noise[:, None, None] + FREE_MM**2 * shapes @ shapes.T + 1e-16 * np.eye(t.size)
-    walk = _walk(image)[:, None, None]
-    lasting = WALKS[:, None, None, None] ** 2 * walk + SINGLES[None, :, None, None] ** 2 * np.eye(t.size)
-    factor = np.linalg.cholesky(base + lasting)
-    white = np.linalg.solve(factor, np.broadcast_to(image.mean[:, None, None, :, None], (*factor.shape[:-1], 1)))
+    base = image.noise + FREE_MM**2 * shapes @ shapes.T + 1e-16 * np.eye(t.size)
+    means = _Means(*map(as_input, (image.mean, base, _walk(image), WALKS**2, SINGLES**2)))
     prior = (_log_prior(WALKS)[:, None] + _log_prior(SINGLES)) / len(image.mean)  # once for all stretches
-    log = prior - np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1) - 0.5 * (white[..., 0] ** 2).sum(axis=-1)
+    log, square = np.empty((2, len(image.mean), *prior.shape))
+    _likelihoods(means, log, square)
+    log += prior
     found = _Weighed(image, log, np.zeros((*log.shape, t.size)), np.zeros((*log.shape, t.size, t.size)))
     if with_parts:
-        _add_parts(found, factor, white)
+        least = log.max(axis=(1, 2)) - math.log(PART) - RARE
+        possible = np.argwhere(log + 0.5 * square > least[:, None, None])
+        _add_parts(means, possible, least, *_parts(t.size), log, found.aside_mm, found.aside_square)
     return found
 
 
-def _add_parts(found: _Weighed, factor: Float, white: Float) -> None:
-    """Let a part of the face stand aside as well, in place.
+class _Means(NamedTuple):
+    """What k stretches leave on average on p places, and what its covariance may be: base + w walk + s."""
 
-    factor (k, walks, singles, p, p): of the covariance, which makes the residuals white (k, walks, singles, p, 1).
+    mean: Shaped[Float, "k p"]
+    base: Shaped[Float, "k p p"]
+    walk: Shaped[Float, "k p p"]
+    walks: Float  # (walks,) of w
+    singles: Float  # (singles,) of s
+
+
+@kernel
+def _whitened(means: _Means, k: int, w: int, n: int, lower: Float, white: Float) -> float:
+    """Fill in the Cholesky factor (p, p) of a covariance, 1 / its diagonal on it, and the white mean (p,).
+
+    Returns the logarithm of its determinant's inverse root.
     """
-    ends, parts = _parts(factor.shape[-1])
-    begin, end = parts.T
-    least = found.log.max(axis=(1, 2), keepdims=True) - math.log(PART) - RARE
-    cells = np.nonzero(found.log + 0.5 * (white[..., 0] ** 2).sum(axis=-1) > least)
-    upto = np.linalg.solve(factor[cells], np.broadcast_to(ends.T, (len(cells[0]), *ends.T.shape)))
-    products = np.swapaxes(upto, 1, 2) @ upto  # of all that lies above one end of a part and above another
-    known = products[:, begin, begin] + products[:, end, end] - 2.0 * products[:, begin, end]
-    told = (np.swapaxes(upto, 1, 2) @ white[cells])[..., 0]
-    told = told[:, end] - told[:, begin]
-    likely = found.log[cells] + 0.5 * (told**2 / known).max(axis=1) > np.broadcast_to(least, found.log.shape)[cells]
-    cells = tuple(of[likely] for of in cells)
-    known, told, square = known[likely, :, None], told[likely, :, None], ASIDE_MM**2
-    variance = square / (1.0 + square * known)
-    size = variance * told
-    each = 0.5 * (size * told + np.log(variance / square)) + math.log(PART / (len(parts) * square.size))
-    total = np.logaddexp(np.logaddexp.reduce(each, axis=(1, 2)), math.log1p(-PART))
-    share = np.exp(each - total[:, None, None])
-    shapes = ends[end] - ends[begin]
-    moment = (share * (size**2 + variance)).sum(axis=2)
-    found.log[cells] += total
-    found.aside_mm[cells] = (share * size).sum(axis=2) @ shapes
-    found.aside_square[cells] = (shapes.T * moment[:, None]) @ shapes
+    root = 1.0
+    for i in range(white.size):
+        rest = means.mean[k, i]
+        for j in range(i + 1):
+            total = means.base[k, i, j] + means.walks[w] * means.walk[k, i, j]
+            for m in range(j):
+                total -= lower[i, m] * lower[j, m]
+            if j < i:
+                lower[i, j] = total * lower[j, j]
+                rest -= lower[i, j] * white[j]
+            else:
+                lower[i, i] = 1.0 / math.sqrt(total + means.singles[n])
+        white[i] = rest * lower[i, i]
+        root *= lower[i, i]
+    return math.log(root)
+
+
+@kernel
+def _likelihoods(means: _Means, log: Float, square: Float) -> None:
+    """Fill in log-likelihoods (k, walks, singles), and the squares of the white means."""
+    places = means.mean.shape[1]
+    lower, white = np.zeros((places, places)), np.empty(places)
+    for k in range(log.shape[0]):
+        for w in range(log.shape[1]):
+            for n in range(log.shape[2]):
+                root, total = _whitened(means, k, w, n, lower, white), 0.0
+                for one in white:
+                    total += one * one
+                log[k, w, n], square[k, w, n] = root - 0.5 * total, total
+
+
+@kernel
+def _add_parts(
+    means: _Means, cells: Int, least: Float, ends: Float, parts: Int, log: Float, aside: Float, square: Float
+) -> None:
+    """Let a part of the face stand aside as well, in `cells` (c, 3) of k, walks and singles, in place.
+
+    Where that is no likelier than `least` (k,), nothing changes. ends (e, p), parts (b, 2): of `_parts`.
+    """
+    count, places = ends.shape
+    lower, white, upto = np.zeros((places, places)), np.empty(places), np.empty((count, places))
+    known, told, share = np.empty(len(parts)), np.empty(len(parts)), np.empty((len(parts), ASIDE_MM.size))
+    each = math.log(PART / share.size)
+    for k, w, n in cells:
+        _whitened(means, k, w, n, lower, white)
+        for e in range(count):  # what makes the residuals white, of all that lies above an end
+            for i in range(places):
+                rest = ends[e, i]
+                for m in range(i):
+                    rest -= lower[i, m] * upto[e, m]
+                upto[e, i] = rest * lower[i, i]
+        likely = _told_of_parts(upto, white, parts, known, told)
+        if log[k, w, n] + likely > least[k]:
+            none = math.exp(math.log1p(-PART) - each - likely)
+            log[k, w, n] += each + likely + math.log(_shares_of_parts(known, told, likely, none, share))
+            _moments_of_parts(known, told, share, ends, parts, aside[k, w, n], square[k, w, n])
+
+
+@kernel
+def _told_of_parts(upto: Float, white: Float, parts: Int, known: Float, told: Float) -> float:
+    """Fill in 1 / variance and size over variance of parts (b, 2); the largest log-likelihood that one adds."""
+    likely = 0.0
+    for b in range(len(parts)):
+        begin, end = parts[b]
+        known[b] = told[b] = 0.0
+        for i in range(white.size):
+            of = upto[end, i] - upto[begin, i]
+            known[b] += of * of
+            told[b] += of * white[i]
+        likely = max(likely, 0.5 * told[b] ** 2 / known[b])
+    return likely
+
+
+@kernel
+def _shares_of_parts(known: Float, told: Float, likely: float, none: float, share: Float) -> float:
+    """Fill in the shares (b, sizes) of parts that stand aside by each of ASIDE_MM; the sum before, with `none`."""
+    total = none
+    for b in range(known.size):
+        for m in range(ASIDE_MM.size):
+            free = 1.0 / (1.0 + ASIDE_MM[m] ** 2 * known[b])
+            share[b, m] = math.sqrt(free) * math.exp(0.5 * free * (ASIDE_MM[m] * told[b]) ** 2 - likely)
+            total += share[b, m]
+    for b in range(known.size):
+        for m in range(ASIDE_MM.size):
+            share[b, m] /= total
+    return total
+
+
+@kernel
+def _moments_of_parts(
+    known: Float, told: Float, share: Float, ends: Float, parts: Int, aside: Float, square: Float
+) -> None:
+    """Fill in by how much places (p,) stand aside on average, and the mean products (p, p), by shares (b, sizes)."""
+    (count, places), of_ends = ends.shape, np.zeros(len(ends))
+    of_both, half = np.zeros((count, count)), np.zeros((count, places))
+    for b in range(known.size):
+        begin, end = parts[b]
+        mean, moment = 0.0, 0.0
+        for m in range(ASIDE_MM.size):
+            variance = ASIDE_MM[m] ** 2 / (1.0 + ASIDE_MM[m] ** 2 * known[b])
+            size = variance * told[b]
+            mean += share[b, m] * size
+            moment += share[b, m] * (size * size + variance)
+        for e, sign in ((end, 1.0), (begin, -1.0)):
+            of_ends[e] += sign * mean
+            of_both[e, e] += moment
+            of_both[e, begin + end - e] -= moment
+    for e in range(count):
+        for i in range(places):
+            aside[i] += of_ends[e] * ends[e, i]
+            for f in range(count):
+                half[f, i] += of_both[f, e] * ends[e, i]
+    for e in range(count):
+        for i in range(places):
+            for j in range(places):
+                square[i, j] += ends[e, i] * half[e, j]
 
 
 def _parts(places: int) -> tuple[Float, Int]:

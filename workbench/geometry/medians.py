@@ -66,24 +66,30 @@ def median_of(work: Float, size: int) -> float:
 
 @kernel
 def select(work: Float, size: int, k: int) -> float:
-    """The value that k of the first `size` of `work` do not exceed; none before it is greater then (Hoare)."""
+    """The value that k of the first `size` of `work` do not exceed; none before it is greater then.
+
+    By partition without branches (Lomuto's): which way a value goes is chance, and a processor that guesses waits.
+    """
     first, last = 0, size - 1
     while first < last:
-        pivot = work[(first + last) // 2]
-        i, j = first, last
-        while i <= j:
-            while work[i] < pivot:
-                i += 1
-            while work[j] > pivot:
-                j -= 1
-            if i <= j:
-                work[i], work[j] = work[j], work[i]
-                i += 1
-                j -= 1
-        if k <= j:
-            last = j
-        elif k >= i:
-            first = i
-        else:
-            break
+        low, middle, high = work[first], work[(first + last) // 2], work[last]
+        pivot = max(min(low, middle), min(max(low, middle), high))
+        beyond = first  # of those that are not greater
+        for i in range(first, last + 1):
+            one = work[i]
+            work[i], work[beyond] = work[beyond], one
+            beyond += one <= pivot
+        if k >= beyond:
+            first = max(beyond, first + 1)  # where NaN has come in, no value compares
+        elif 8 * (beyond - first) < 7 * (last - first):
+            last = beyond - 1
+        else:  # most are alike, or the pivot is the greatest
+            equal = first
+            for i in range(first, beyond):
+                one = work[i]
+                work[i], work[equal] = work[equal], one
+                equal += one < pivot
+            if k >= equal:
+                return float(pivot)
+            last = equal - 1
     return float(work[k])

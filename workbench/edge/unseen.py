@@ -13,7 +13,7 @@ from workbench.edge.broken_end import is_free_end
 from workbench.edge.faces import TrackedFaces
 from workbench.geometry.grids import columns_beyond, dark_beyond
 from workbench.geometry.poses import rotation_from_vector
-from workbench.units import DEG, AnyArray, Float, Int, Shaped
+from workbench.units import DEG, AnyArray, Bool, Float, Int, Shaped
 
 TURN_DEG = 1.0  # of a hand-eye pose by design, or measured by hand
 SCALE = 1e-3  # of x against z; data sheets of laser profilers tell a few parts in a thousand of the range
@@ -79,7 +79,7 @@ def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge, *, is_sharp
                 0.0,
             )
         )
-        if ends_in_nothing(cloud.z_mm[free], tracked.end_column[free]):
+        if ends_in_nothing(cloud.z_mm, tracked.end_column, free):
             lost_mm = max(CUT_AWAY_MM, float(np.nanmedian(tracked.root_end[free, 2])))
             found.append(
                 Unseen(
@@ -144,12 +144,12 @@ def by_thickness(
     return (Unseen("thickness", told, abs(found - thickness_mm), 0.0, is_doubt=True), *left)
 
 
-def ends_in_nothing(z_mm: AnyArray, outwards: Int) -> bool:
-    """Is it nothing but missing returns in z_mm (k, M) that says where a face ends, after columns `outwards` (k,)?
+def ends_in_nothing(z_mm: AnyArray, outwards: Int, here: Bool) -> bool:
+    """Is it nothing but missing returns in frames `here` (N,) that says where a face ends, after columns `outwards`?
 
     What returns from behind it right beside the end shows that nothing of the face lies there.
     """
-    return bool((columns_beyond(z_mm, outwards) > NEXT_COLUMNS).mean() > 0.5)
+    return bool((columns_beyond(z_mm, outwards)[here] > NEXT_COLUMNS).mean() > 0.5)
 
 
 def fixed_end_check(cloud: Cloud, ends: Sequence[Int], frames: int) -> Check:

@@ -204,8 +204,19 @@ def columns_beyond(z_mm: AnyArray, outwards: Shaped[Int, " N"]) -> Int:
         >>> columns_beyond(z, np.array([1, 1])).tolist()
         [2, 4]
     """
-    away = np.where(outwards > 0, 1, -1)[:, None] * np.arange(z_mm.shape[1]) - outwards[:, None]
-    return np.asarray(np.where(np.isfinite(z_mm) & (away > 0), away, z_mm.shape[1]).min(axis=1))
+    out = np.full(len(z_mm), z_mm.shape[1])
+    _beyond(as_input(z_mm), as_input(outwards), out)
+    return out
+
+
+@kernel
+def _beyond(z: Float32, outwards: Int, out: Int) -> None:
+    for i in range(out.size):
+        way, last = (1 if outwards[i] > 0 else -1), abs(outwards[i])
+        for away in range(1, z.shape[1] - last if way > 0 else last + 1):
+            if np.isfinite(z[i, last + way * away]):
+                out[i] = away
+                break
 
 
 def telling_returns(z_mm: AnyArray) -> Bool:

@@ -39,7 +39,16 @@ from workbench.edge.broken_end import (
     weights,
 )
 from workbench.edge.lower_fillet import LIT_COLUMNS
-from workbench.edge.residual_image import LEAST_PLACES, PLACES, STRETCH_MM, FaceForm, FaceImage, Linearity, forms
+from workbench.edge.residual_image import (
+    LEAST_PLACES,
+    PLACES,
+    SHRUNK,
+    STRETCH_MM,
+    FaceForm,
+    FaceImage,
+    Linearity,
+    forms,
+)
 from workbench.units import DEG, Float, Shaped
 
 # Length of edge over which the engine's courses average, mm: of an end told by column steps that drift past it, of a
@@ -282,7 +291,8 @@ def _image(face: _Face, view: View, length_mm: float, rng: np.random.Generator) 
         mean, of_pass = math.sqrt(one) * rng.normal(size=(patches, count)), np.zeros(patches, np.int64)
         return FaceImage(np.zeros(patches), mean, noise, at, np.full(patches, lean), of_pass)
 
-    noise, of_pass = variance * left[None] / frames, np.zeros(1, np.int64)
+    alike = (1.0 - SHRUNK) * left + SHRUNK * np.diag(np.diag(left))  # as the engine takes it
+    noise, of_pass = variance * alike[None] / frames, np.zeros(1, np.int64)
     return FaceImage(np.zeros(1), mean, noise, place, np.array([lean]), of_pass, wide, by_columns=by_columns)
 
 

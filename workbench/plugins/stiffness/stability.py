@@ -27,10 +27,10 @@ from workbench.plugins.stiffness.elastic import MM
 STEPS = 40  # of a tooth's period, at least
 PER_SWING = 24  # steps of the fastest mode's period, at least
 SLICES = 16  # of the depth along the helix
-BEYOND = 24  # vectors of the Krylov space beyond twice the modes: what is delayed dies out fast
+EXACT = 1e-9  # of a spectral radius
 RATIO = 1.2  # between neighbouring depths of the search
-SMALLEST = 1e-3  # of the first depth: as if unstable from there on, where it is
-EXACT = 3e-3  # of a limit
+FINER = 7  # depths between two neighbours, in each round of the search
+ROUNDS = 2
 ON_AXIS = 1e-6  # of a mode's frequency: growth that counts for none where nothing damps
 CROSSES = 1e-4  # of a depth, its imaginary part, that is rounding or as good as a crossing
 
@@ -139,15 +139,17 @@ def _least(judge: Judge, depth: Float) -> float:
     if not unstable.any():
         return float(np.inf)
     at = int(np.argmax(unstable))
-    high = float(depth[at])
-    low = float(depth[at - 1]) if at else SMALLEST * high
-
-    def excess(one: float) -> float:
-        return float(judge.radius(np.array([one]))[0]) - 1.0
-
-    if at == 0 and excess(low) > 0.0:
-        return low
-    return float(scipy.optimize.brentq(excess, low, high, rtol=EXACT))
+    low, high = (depth[at - 1] if at else 0.0), float(depth[at])
+    if at == 0:  # from below: nothing is known of smaller ones
+        low = high / RATIO
+        while judge.radius(np.array([low]))[0] > 1.0 and low > high * 1e-3:
+            low, high = low / RATIO, low
+    for _ in range(ROUNDS):
+        between = np.linspace(low, high, FINER + 2)
+        unstable = np.append(judge.radius(between[1:-1]) > 1.0, True)
+        first = int(np.argmax(unstable))
+        low, high = float(between[first]), float(between[first + 1])
+    return (low + high) / 2
 
 
 class Judge:
@@ -178,9 +180,9 @@ class Judge:
         at_start = self.first @ push
         own, late = whole @ (self.free + at_start @ self.seen), np.concatenate([at_start, at_end], axis=3)
         steps = np.concatenate([own, -whole @ late], axis=3)
-        maps, count = _period(steps, self.seen), len(self.free) + BEYOND
+        maps = _period(steps, self.seen)
         begin = np.cos(np.arange(maps.shape[1]) ** 2)
-        roots = [scipy.sparse.linalg.eigs(one, 1, ncv=count, v0=begin, return_eigenvectors=False) for one in maps]
+        roots = [scipy.sparse.linalg.eigs(one, 1, v0=begin, tol=EXACT, return_eigenvectors=False) for one in maps]
         return np.asarray(np.abs(roots))[:, 0]
 
 

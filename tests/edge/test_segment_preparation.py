@@ -187,7 +187,7 @@ def test_sizes_are_judged_and_written(cloud, nose) -> None:
 
 
 def test_a_size_that_no_preparation_has_is_refused(nose) -> None:
-    with pytest.raises(PipelineError, match=r"inspect.preparation.nominal.lnd_mm.*land_mm"):
+    with pytest.raises(PipelineError, match=r"inspect.preparation.nominal: lnd_mm.*land_mm"):
         inspect_preparation(nose, nominal={"lnd_mm": 1.0})
 
 

@@ -10,7 +10,6 @@ import scipy
 
 from workbench.artefacts import Cloud
 from workbench.checks.corners import thinning
-from workbench.checks.limits import most
 from workbench.edge.frame_order import flips, profile
 from workbench.edge.groove_profile import (
     Kind,
@@ -33,6 +32,7 @@ LEAST_RETURNS = 50  # of a profile
 LEAST_TOLD = 150  # of most profiles, for a type: of 98, a fillet of 4 mm had seven, and a U was measured as an HV
 NEIGHBOURS, STEADY_SIGMAS, STEADY_MM = 31, 5.0, 0.3  # profiles; corners further off their running median are false
 LEAST_FACE = 0.34  # share of the profiles that show a face, for a plate to have it
+FLUSH = 0.5  # of the depth: the level of one plate of a groove is off that of the other by less
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +47,6 @@ class ReadFrames:
     up: float  # 1 where z counts out of the plates
     share: float  # of the profiles that have enough returns
     unread: float  # share of those with two plates of which a face could not be read
-    compound: float  # share of those in which a plate shows two faces
     agreement: float  # share of the profiles with a face that show the kind that most do, of the worse side
 
     def only(self, keep: Bool) -> ReadFrames:
@@ -117,7 +116,6 @@ def read_frames(cloud: Cloud) -> ReadFrames:
         up,
         share,
         sum(one is not None and not is_read(one) for one in seen) / max(len(frames), 1),
-        sum(one is not None and "compound" in (one[0].kind, one[1].kind) for one in seen) / max(len(frames), 1),
         min(agree_left, agree_right),
     )
 
@@ -155,7 +153,7 @@ def _is_groove(x: Float, y: Float) -> bool:
     upper = float(np.median(y[left.upper])), float(np.median(y[right.upper]))
     between = y[min(left.last, right.last) : max(left.last, right.last) + 1]  # roots that touch may overlap
     depth = max(upper) - float(between.min())
-    return abs(float(right.corner[1] - left.corner[1])) < most("groove_level") * depth
+    return abs(float(right.corner[1] - left.corner[1])) < FLUSH * depth
 
 
 def _profiles(cloud: Cloud) -> tuple[list[int], list[tuple[Float, Float, Int]], Float]:

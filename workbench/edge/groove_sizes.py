@@ -21,7 +21,7 @@ from workbench.geometry.course import fit_course
 from workbench.geometry.silhouette import CELL_MM, Ends, find_end
 from workbench.units import DEG, Bool, Float
 
-LEAST_DEPTH_MM = 4.0  # of a groove whose faces are not seen, for judging the levels of its plates
+LEAST_DEPTH_MM = 4.0  # of a groove whose faces are not seen,
 # Of a column's step: where in it a return is lost depends on the sensor and on what lies behind; less where the last
 # returns tell how a column sees an end.
 STEP_SHARE, SEEN_SHARE = 0.3, 0.12
@@ -232,7 +232,6 @@ class GrooveSizes:
         self._bevels(doubtful)
         square = [typical(self._down(k)) for k, one in enumerate(self.plates) if one.kind == "square"]
         told = [depth for depth in (*square, *deep.values()) if math.isfinite(depth)]
-        self.depth = max(told, default=LEAST_DEPTH_MM)
         self._unseen(ends, max(told, default=math.inf), doubtful)
 
     def _ends(self) -> dict[str, Place]:
@@ -264,10 +263,6 @@ class GrooveSizes:
     def _down(self, k: int) -> Float:
         """How far a plate's last return lies below its upper corner (n,), mm."""
         return np.asarray(self.corner[k][:, 1] - self.plates[k].last[:, 1])
-
-    def level_share(self) -> float:
-        """How much higher one plate stands than the other, over the groove's depth."""
-        return abs(self.misalignment) / max(self.depth, 1e-3)
 
     def _bevels(self, doubtful: bool) -> None:
         """Angles of bevels and flanks: with the plates' own upper surfaces, and between both."""

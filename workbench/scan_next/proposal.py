@@ -215,7 +215,8 @@ def proposals(cloud: Cloud, edge: MilledEdge, profiler: Profiler, known: Knowled
 def _elevations(cloud: Cloud, edge: MilledEdge) -> list[float]:
     """Of each pass: how far the scanner stands above the root face's normal, rad."""
     seen = np.flatnonzero(np.isfinite(edge.frame_arc_length_mm))
-    station = np.abs(edge.frame_arc_length_mm[seen, None] - edge.arc_length_mm[None]).argmin(axis=1)
+    between = 0.5 * (edge.arc_length_mm[1:] + edge.arc_length_mm[:-1])
+    station = np.searchsorted(between, edge.frame_arc_length_mm[seen])
     z = cloud.base_from_profiler[seen, :3, 2]
     out, up = ((z * axis[station]).sum(axis=1) for axis in (edge.normal, edge.across))
     elevation = np.arctan2(up * np.sign(out), np.abs(out))

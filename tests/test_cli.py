@@ -107,17 +107,33 @@ def test_the_likeliest_slip_is_asked_for(command: Any, given: str, slip: str) ->
 
 
 @pytest.mark.parametrize(
-    ("shipped", "given", "found"),
+    ("shipped", "option", "given", "found"),
     [
-        ("inspect_groove", 'nominal={"gap": 2}', "nominal: gap: no size of such a joint; did you mean 'gap_mm'?"),
-        ("inspect_groove", 'nominal={"gap_mm": 2}', "lower <= 0 <= upper"),
-        ("plan_bevel", "upper_side=[0, 0, 0]", "upper_side: expected a direction, of any length but 0, got [0, 0, 0]"),
+        (
+            "inspect_groove",
+            "--input",
+            'nominal={"gap": 2}',
+            "nominal: gap: no size of such a joint; did you mean 'gap_mm'?",
+        ),
+        ("inspect_groove", "--input", 'nominal={"gap_mm": 2}', "lower <= 0 <= upper"),
+        (
+            "plan_bevel",
+            "--set",
+            'scan.fuse.limits={"step_shar": 1}',
+            "limits: step_shar: no such check; did you mean 'step_share'?",
+        ),
+        (
+            "plan_bevel",
+            "--input",
+            "upper_side=[0, 0, 0]",
+            "upper_side: expected a direction, of any length but 0, got [0, 0, 0]",
+        ),
     ],
 )
 def test_a_value_within_a_parameter_is_judged_before_anything_runs(
-    command: Any, shipped: str, given: str, found: str
+    command: Any, shipped: str, option: str, given: str, found: str
 ) -> None:
-    got = command("validate", Path(__file__).parents[1] / "pipelines" / f"{shipped}.json", "--input", given)
+    got = command("validate", Path(__file__).parents[1] / "pipelines" / f"{shipped}.json", option, given)
     assert (got.status, got.out) == (2, "")
     assert "stages[" in got.err
     assert got.err.endswith(f"{found}\n")

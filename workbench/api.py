@@ -102,7 +102,7 @@ from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
 
 if TYPE_CHECKING:
     from workbench.certificate import Certified, certified_length
-    from workbench.checks import known_conventions, known_profile_readings, refuse_unsound
+    from workbench.checks import Limits, known_conventions, known_profile_readings, refuse_unsound
     from workbench.force_file import Forces, read_forces
     from workbench.result_files import (
         ChatterFile,
@@ -204,6 +204,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "Language",
     "Layer",
     "LayerEngagement",
+    "Limits",
     "LoadingSetup",
     "Mark",
     "MilledEdge",
@@ -334,7 +335,7 @@ def __getattr__(name: str) -> Any:
         from workbench import certificate
 
         return getattr(certificate, name)
-    if name in ("known_conventions", "known_profile_readings", "refuse_unsound"):
+    if name in ("Limits", "known_conventions", "known_profile_readings", "refuse_unsound"):
         from workbench import checks
 
         return getattr(checks, name)

@@ -25,7 +25,6 @@ from tests.seldom import seldom
 from workbench.artefacts import Check, Recording
 from workbench.checks import (
     LIMITS,
-    checked_limits,
     consistent_conventions,
     judge_recording,
     judged,
@@ -358,7 +357,7 @@ def test_the_right_reading_is_among_those_that_agree() -> None:
 
 def test_limits_that_a_user_sets() -> None:
     r = spoilt(good(), z_mm=pooled(good(), 5))
-    wide = judge_recording(r, limits=checked_limits({"mean_columns": 6}, "here"))
+    wide = judge_recording(r, limits={"mean_columns": 6})
     assert [check.name for check in wide if check.loosened] == ["mean_columns"]
     refuse_failed(wide, "r.h5")
     with pytest.raises(InputError, match=r"averaged .* over 5 columns.*limit 3.3; scan.fuse.limits sets it"):

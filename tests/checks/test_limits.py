@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
-from workbench.checks.limits import GONE, LIMITS, check, checked_limits, within
+from workbench.checks.limits import GONE, LIMITS, Limits, check, within
 from workbench.errors import PipelineError
+from workbench.parameters import check_parameters, parameter_model
 
 
 @pytest.mark.parametrize(
@@ -53,32 +54,37 @@ def test_a_check_says_whether_it_passed_and_by_whose_limit(
     assert (found.name, found.finding, found.reason) == ("range_mm", "seen", LIMITS["range_mm"].reason)
 
 
+def given(limits: dict[str, Any]) -> Any:
+    """Limits as a stage takes them."""
+    stage = parameter_model("scan.fuse", {"limits": (Limits, {})})
+    return check_parameters(stage, {"limits": limits}, "scan.fuse")["limits"]
+
+
 @pytest.mark.parametrize(
     ("name", "value", "words"),
     [
-        ("range_mm", "far", "expected a number"),
-        ("range_mm", True, "expected a number"),
+        ("range_mm", "far", "expected a valid number"),
+        ("range_mm", True, "expected a valid number"),
         ("range_mm", [1.0, 2.0], "expected a number"),
         ("view_width_mm", 3.0, "expected two numbers"),
-        ("view_width_mm", [3.0], "expected two numbers"),
-        ("view_width_mm", [3.0, 4.0, 5.0], "expected two numbers"),
-        ("view_width_mm", [3.0, None], "expected two numbers"),
+        ("view_width_mm", [3.0], "expected a valid number"),
+        ("view_width_mm", [3.0, 4.0, 5.0], "expected a valid number"),
+        ("view_width_mm", [3.0, None], "expected a valid number"),
         ("rang_mm", 3.0, "did you mean 'range_mm'"),
         *((gone, 0.5, told) for gone, told in GONE.items()),
         ("root_step_share", 0.5, "step_share judges that now"),
         ("size_scatter", 0.5, "no check judges that now"),
     ],
 )
-def test_limits_that_are_none_are_refused_with_their_place(name: str, value: Any, words: str) -> None:
+def test_limits_that_are_none_are_refused_before_anything_runs(name: str, value: Any, words: str) -> None:
     with pytest.raises(PipelineError) as refused:
-        checked_limits({name: value}, "scan.fuse.limits")
-    assert f"scan.fuse.limits.{name}: " in str(refused.value)
+        given({name: value})
+    assert str(refused.value).startswith("scan.fuse.limits")
+    assert name in str(refused.value)
     assert words in str(refused.value)
     assert GONE.get(name, "no check").split(" judges")[0] in {"no check", *LIMITS}
 
 
 def test_limits_are_taken_as_they_are_given() -> None:
-    assert checked_limits({"range_mm": [3], "view_width_mm": (1, 2.5)}, "") == {
-        "range_mm": 3.0,
-        "view_width_mm": (1.0, 2.5),
-    }
+    limits = {"range_mm": 3, "view_width_mm": (1, 2.5)}
+    assert given(limits) == limits

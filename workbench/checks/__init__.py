@@ -10,7 +10,7 @@ from workbench.checks.judge import (
     refuse_failed,
     refuse_unsound,
 )
-from workbench.checks.limits import LIMITS, Limit, checked_limits
+from workbench.checks.limits import LIMITS, Limit, Limits
 from workbench.checks.motion import Consistency
 
 __all__ = [
@@ -20,8 +20,8 @@ __all__ = [
     "Consistency",
     "Convention",
     "Limit",
+    "Limits",
     "ProfileReading",
-    "checked_limits",
     "consistent_conventions",
     "judge_recording",
     "judged",

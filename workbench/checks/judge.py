@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.artefacts import LINEAR_AXIS, Check, Recording
 from workbench.checks.conventions import AS_READ, Convention, known_conventions
-from workbench.checks.limits import Bound, check, checked_limits, least, most
+from workbench.checks.limits import Bound, check, least, most
 from workbench.checks.motion import LEAST_STRETCH, Consistency, chord_obliquity_deg, consistency, jump_mm
 from workbench.checks.passes import Repeats, disagreement_mm, find_repeats
 from workbench.checks.profiles import ALIKE_MM, IN_ORDER, Chain, chains, disorder
@@ -151,7 +151,7 @@ def refuse_failed(checks: Sequence[Check], where: str, parameter: str = "scan.fu
 
 
 def refuse_unsound(
-    recording: Recording, limits: Mapping[str, object], parameter: str, calibrating: bool = False
+    recording: Recording, limits: Mapping[str, Bound], parameter: str, calibrating: bool = False
 ) -> tuple[Check, ...]:
     """The checks of a recording, by its own hand-eye pose, all of them passed.
 
@@ -163,17 +163,15 @@ def refuse_unsound(
 
     Raises:
         InputError: a check did not pass.
-        PipelineError: `limits` names no check, or gives it no number.
 
     Example:
         >>> from pathlib import Path
         >>> from workbench.scan import read
         >>> recording = read(recording=Path("data/synthetic/milled_edge.h5"))
-        >>> refuse_unsound(recording, {"reach_mm": [500, 3000]}, "scan.fuse.limits")[0].name
+        >>> refuse_unsound(recording, {"reach_mm": (500, 3000)}, "scan.fuse.limits")[0].name
         'view_width_mm'
     """
-    bounds = checked_limits(limits, parameter)
-    checks = judged(recording, limits=bounds, calibrating=calibrating)[0]
+    checks = judged(recording, limits=limits, calibrating=calibrating)[0]
     refuse_failed(checks, recording.source, parameter)
     return checks
 

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated, TypeAlias
+
+from pydantic import AfterValidator
 
 from workbench.artefacts import Check
-from workbench.errors import PipelineError, nearest
+from workbench.errors import nearest
 
 Bound = float | tuple[float, float]
 
@@ -320,26 +323,19 @@ def least(name: str) -> float:
     return bound[0] if isinstance(bound, tuple) else float("-inf")
 
 
-def checked_limits(given: Mapping[str, object], where: str) -> dict[str, Bound]:
-    """The limits that a user sets instead of the defaults.
-
-    Raises:
-        PipelineError: no such check, or not a number (two, where the check has two).
-    """
-    found: dict[str, Bound] = {}
+def _checked(given: dict[str, Bound]) -> dict[str, Bound]:
+    """Limits that a user sets; ValueError: no such check, or not a number (two, where the check has two)."""
     for name, value in given.items():
         if name not in LIMITS:
-            raise PipelineError(f"{where}.{name}", GONE.get(name, f"no such check{nearest(name, LIMITS)}"))
-        pair = isinstance(LIMITS[name].bound, tuple)
-        numbers = list(value) if isinstance(value, list | tuple) else [value]
-        good = all(isinstance(one, int | float) and not isinstance(one, bool) for one in numbers)
-        if not good or len(numbers) != (2 if pair else 1):
-            usual = ", ".join(f"{one:g}" for one in LIMITS[name].bound) if pair else ""  # type: ignore[union-attr]
-            raise PipelineError(
-                f"{where}.{name}", f"expected {f'two numbers, such as [{usual}]' if pair else 'a number'}"
-            )
-        found[name] = (float(numbers[0]), float(numbers[1])) if pair else float(numbers[0])  # type: ignore[arg-type]
-    return found
+            raise ValueError(f"{name}: {GONE.get(name, f'no such check{nearest(name, LIMITS)}')}")
+        bound = LIMITS[name].bound
+        if isinstance(bound, tuple) != isinstance(value, tuple):
+            usual = f"two numbers, such as {list(bound)}" if isinstance(bound, tuple) else "a number"
+            raise ValueError(f"{name}: expected {usual}")
+    return given
+
+
+Limits: TypeAlias = Annotated[dict[str, Bound], AfterValidator(_checked)]  # of a stage's checks, set by name
 
 
 def within(value: float | None, bound: Bound) -> bool:

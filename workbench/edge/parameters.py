@@ -7,6 +7,8 @@ from typing import Annotated, TypeAlias
 
 from pydantic import AfterValidator, Field
 
+from workbench import checks
+
 Vector: TypeAlias = tuple[float, float, float]
 
 
@@ -58,7 +60,7 @@ BevelNominal: TypeAlias = Annotated[
     float, Field(ge=20, le=70, description="expected bevel angle; only distinguishes the faces.")
 ]
 Limits: TypeAlias = Annotated[
-    dict[str, float | tuple[float, float]],
+    checks.Limits,
     Field(
         description="limits of the checks of this stage by name (docs/checks.md); the results name one that passes "
         "only by a wider limit."

@@ -11,7 +11,6 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Check, Cloud, MilledEdge
-from workbench.checks import checked_limits
 from workbench.checks.corners import ledge_takes_mm
 from workbench.checks.end_face import edge_break_check
 from workbench.checks.faces import FURTHER, Shown, require_bevel, require_columns
@@ -134,18 +133,17 @@ def segment(
         >>> len(milled.arc_length_mm), round(float(milled.arc_length_mm[-1]), 1)
         (78, 77.0)
     """
-    given = checked_limits(limits, "edge.segment.limits")
-    columns = require_columns(cloud, root_nominal_mm, given)
+    columns = require_columns(cloud, root_nominal_mm, limits)
     tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, upper_side=upper_side)
     shown = shown_beside(cloud, tracked, root_nominal_mm, bevel_nominal_deg)
     rounding = _broken_end(cloud, tracked, 0.0, edge_condition)
     shown = shown._replace(rim_mm=max(shown.rim_mm, rounding.size_mm))
-    checks = (columns, *require_bevel(cloud, tracked.labels, shown, given))
+    checks = (columns, *require_bevel(cloud, tracked.labels, shown, limits))
     if rounding.size_mm > 0.0:
         tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm, upper_side)
         rounding = _broken_end(cloud, tracked, rounding.rim_mm, edge_condition)
     free = is_free_end(tracked)
-    checks = (*checks, edge_break_check(rounding.size_mm, given), end_step_check(tracked.end_column[free], given))
+    checks = (*checks, edge_break_check(rounding.size_mm, limits), end_step_check(tracked.end_column[free], limits))
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     try:
         measured = measure_edge(cloud, tracked, rounding)

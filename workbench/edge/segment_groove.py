@@ -9,7 +9,6 @@ from typing import Literal, get_args
 import numpy as np
 
 from workbench.artefacts import Check, Cloud, Groove, GrooveType
-from workbench.checks import checked_limits
 from workbench.checks.faces import bows_check
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check
@@ -63,8 +62,8 @@ def segment_groove(
         'Y'
     """
     read = read_frames(cloud)
-    kinds, given = read.kinds, checked_limits(limits, "edge.segment_groove.limits")
-    checks = _read_checks(read, given)
+    kinds = read.kinds
+    checks = _read_checks(read, limits)
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")
     curve, read, s = groove_curve(cloud, read)
     both, labels, tilt, about = plates(cloud, read, curve, s)
@@ -81,7 +80,7 @@ def segment_groove(
     lean = _lean(cloud, read.frame, curve, s, about - tilt.value(s))
     measured = GrooveSizes(cloud.source, both, along, lean, declared_linearity(sensor), hidden_columns_u(cloud.checks))
     measured.measure(groove == "auto")
-    checks.extend(_checks(cloud.of_frames(read.frame), read, labels, measured, given))
+    checks.extend(_checks(cloud.of_frames(read.frame), read, labels, measured, limits))
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")
     type_, alternatives, declared = _type(cloud, kinds, measured, groove)
     seen_s = np.full(len(cloud.keep), np.nan)

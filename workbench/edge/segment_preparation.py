@@ -20,7 +20,6 @@ from workbench.artefacts import (
     Preparation,
     Quantity,
 )
-from workbench.checks import checked_limits
 from workbench.checks.end_face import edge_break_check
 from workbench.checks.faces import bows_check, corners_checks, plates_check, require_columns
 from workbench.checks.judge import refuse_failed
@@ -106,8 +105,7 @@ def segment_preparation(
         >>> edge.segment_preparation(points).type
         'nose'
     """
-    given = checked_limits(limits, "edge.segment_preparation.limits")
-    columns = require_columns(cloud, root_nominal_mm, given)
+    columns = require_columns(cloud, root_nominal_mm, limits)
     side = None if upper_side is None else np.array(upper_side)
     plates = read_plates(cloud, root_nominal_mm, side)
     frames = frames_of(cloud, plates)
@@ -116,7 +114,7 @@ def segment_preparation(
             f"{cloud.source}: preparation '{preparation}'",
             f"between upper surface and root face the profiles show {WORDS[frames.kind]}: expected {frames.kind}",
         )
-    checks = [columns, *_checks(cloud, frames, root_nominal_mm, given)]
+    checks = [columns, *_checks(cloud, frames, root_nominal_mm, limits)]
     refuse_failed(checks, *_refused(cloud, frames))
     rounding = broken_end(cloud, root_rim(frames.tracked), is_free_end(frames.tracked), edge_condition)
     rim = rounding.rim_mm
@@ -124,7 +122,7 @@ def segment_preparation(
         frames = frames_of(cloud, plates, rim)
         face_end = root_rim(frames.tracked, rim)
         rounding = broken_end(cloud, face_end, is_free_end(frames.tracked), edge_condition)
-    checks.append(edge_break_check(rounding.size_mm, given))
+    checks.append(edge_break_check(rounding.size_mm, limits))
     refuse_failed(checks, *_refused(cloud, frames))
     try:
         measured = measure_edge(cloud, frames.tracked, rounding)
@@ -133,10 +131,10 @@ def segment_preparation(
         chain = _Chain(cloud, frames, measured, edge, declared.sensor)
         if frames.kind == "J":  # the flank's line may have leant on its fillet, before that was known
             chain = _Chain(cloud, frames_of(cloud, plates, rim, chain.flank_mm()), measured, edge, declared.sensor)
-            checks.append(chain.fillet_check(given))
+            checks.append(chain.fillet_check(limits))
             refuse_failed(checks, *_refused(cloud, frames))
         sizes, corners = chain.sizes(), chain.corners
-        checks.append(_extent_check(sizes["root_face_mm"], frames, given))
+        checks.append(_extent_check(sizes["root_face_mm"], frames, limits))
         refuse_failed(checks, *_refused(cloud, frames))
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None

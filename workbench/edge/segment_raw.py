@@ -26,7 +26,7 @@ from workbench.artefacts import (
     RawEdge,
 )
 from workbench.artefacts.quantities import root_sum_square
-from workbench.checks import checked_limits, refuse_failed
+from workbench.checks import refuse_failed
 from workbench.checks.end_face import edge_break_check, require_end_face
 from workbench.checks.faces import plates_check
 from workbench.checks.residuals import FaceAlong, Late, every_second, late_check, late_of
@@ -111,13 +111,12 @@ def segment_raw(
         >>> round(float(raw.arc_length_mm[-1]), 1)
         75.0
     """
-    set_limits = checked_limits(limits, "edge.segment_raw.limits")
-    plates = plates_check(two_plates_share(cloud), set_limits)
+    plates = plates_check(two_plates_share(cloud), limits)
     refuse_failed((plates,), f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
     lies = face_directions(cloud, upper_side, z_away)
     found = find_end_face(cloud, lies.along, lies.sense)
     goes_on = max(float(end.goes_on[found.seen].mean()) for end in (found.lower, found.upper))
-    checks = plates, *require_end_face(cloud, found.labels, upper_side, goes_on, set_limits)
+    checks = plates, *require_end_face(cloud, found.labels, upper_side, goes_on, limits)
     robot = Robot(robot_noise_mm, robot_noise_length_mm)
     try:
         measured = measure_raw_edge(cloud, found, edge_condition, robot)
@@ -125,9 +124,9 @@ def segment_raw(
         raise InputError(cloud.source, UNDETERMINED) from None
     broken = max(measured.lower.broken.size_mm, measured.upper.broken.size_mm)
     ends = [end.column[np.isfinite(end.column) & ~end.corner].astype(np.int64) for end in (found.lower, found.upper)]
-    steps = max((end_step_check(columns, set_limits) for columns in ends), key=lambda one: one.value or 0.0)
+    steps = max((end_step_check(columns, limits) for columns in ends), key=lambda one: one.value or 0.0)
     late = _late(cloud, measured)
-    checks = *checks, edge_break_check(broken, set_limits), steps, late_check(late, set_limits)
+    checks = *checks, edge_break_check(broken, limits), steps, late_check(late, limits)
     refuse_failed(checks, f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
     checks += (*_lies_on(found), fixed_end_check(cloud, ends, int(found.seen.sum())))
     declared = RawDeclared(declared_linearity(sensor), robot, end_u_mm, robot_drift_u_mm)

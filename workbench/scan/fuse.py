@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from workbench.artefacts import Cloud, HandEye, Recording
-from workbench.checks import checked_limits, judged, refuse_failed
+from workbench.checks import Limits, judged, refuse_failed
 from workbench.errors import InputError
 from workbench.geometry.poses import interpolate_poses, rotation_from_quaternion, vector_from_rotation
 from workbench.scan.checks import read_hand_eye, recorded_hand_eye
@@ -25,7 +25,7 @@ def fuse(
     *,
     hand_eye: InputFile | None = None,
     scan_plan: InputFile | None = None,
-    limits: dict[str, float | tuple[float, float]] = {},  # noqa: B006  (never changed)
+    limits: Limits = {},  # noqa: B006  (never changed)
 ) -> Cloud:
     """Place every profile in the robot base: the paper's equation (9), with one interpolated pose a frame.
 
@@ -59,8 +59,7 @@ def fuse(
         hand_eye_calibrated_at=calibration.calibrated_at,
         hand_eye_u_mm=calibration.volume_u_mm,
     )
-    loosened = checked_limits(limits, "scan.fuse.limits")
-    checks, once = judged(recording, calibration.flange_from_profiler, loosened)
+    checks, once = judged(recording, calibration.flange_from_profiler, limits)
     refuse_failed(checks, recording.source)
     recording = pass_after_pass(once)
     cloud = Cloud(

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from workbench.api import Bool, Float, InputError, Int, Recording, Shaped, frozen, kernel, refuse_unsound, stage
+from workbench.api import Bool, Float, InputError, Int, Limits, Recording, Shaped, frozen, kernel, refuse_unsound, stage
 from workbench.plugins.calibration.values import Rejected, SphereProfiles
 
 SAMPLES = 500  # of three points; 15 % of a frame on the sphere give 20 good ones
@@ -170,7 +170,7 @@ def circles(
     recording: Recording,
     *,
     profile_noise_mm: Annotated[float, Field(gt=0, le=1)] = 0.015,
-    limits: dict[str, float | tuple[float, float]] = {},  # noqa: B006  (never changed)
+    limits: Limits = {},  # noqa: B006  (never changed)
 ) -> SphereProfiles:
     """Find the calibration sphere in each profile and fit the circle of its section (the paper's section 3.2, Fig. 4).
 

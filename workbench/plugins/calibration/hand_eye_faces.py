@@ -13,6 +13,7 @@ from workbench.api import (
     HandEye,
     InputError,
     Int,
+    Limits,
     Recording,
     estimator,
     frozen,
@@ -51,7 +52,7 @@ def hand_eye_faces(
     root_tolerance_mm: Annotated[float, Field(gt=0, le=10)] = 0.5,
     bevel_tolerance_deg: Annotated[float, Field(gt=0, le=30)] = 1.0,
     bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
-    limits: dict[str, float | tuple[float, float]] = {},  # noqa: B006  (never changed)
+    limits: Limits = {},  # noqa: B006  (never changed)
 ) -> tuple[HandEye, Document, Chapter]:
     """Find the profiler's pose on the flange from flat faces of a fixed part.
 

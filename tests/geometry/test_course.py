@@ -160,6 +160,28 @@ def test_passes_that_only_meet_are_uncertain_by_half_of_a_step_between_them() ->
     assert courses[0].u(AT).max() < 0.01  # none is certain: nothing is put on
 
 
+@pytest.mark.parametrize(
+    ("spans", "noise_mm"),
+    [
+        ([(0.0, 120.0)] * 3, [0.002, 0.002, 0.1]),
+        ([(0.0, 120.0), (0.0, 60.0), (60.0, 120.0)], [0.005] * 3),
+        ([(0.0, 60.0), (30.0, 90.0), (60.0, 120.0)], [0.005] * 3),
+    ],
+)
+def test_offsets_of_passes_that_differ_in_length_or_noise_are_no_misfit(
+    spans: list[tuple[float, float]], noise_mm: list[float]
+) -> None:
+    rng = np.random.default_rng(11)
+    parts = [np.arange(*span, 0.2) for span in spans]
+    offset = [0.03, -0.03, 0.0]
+    y = [off + rng.normal(0.0, noise, s.size) for s, off, noise in zip(parts, offset, noise_mm, strict=True)]
+    variance = [np.full(s.size, noise**2) for s, noise in zip(parts, noise_mm, strict=True)]
+    group = np.repeat(np.arange(3), [s.size for s in parts])
+    course = fit_course(np.concatenate(parts), np.concatenate(y), np.concatenate(variance), group)
+    assert course.misfit < 2.0
+    assert np.ptp(course.value(np.linspace(1.0, 119.0, 60))) < 0.004
+
+
 def test_passes_that_turn_against_each_other_leave_half_of_that_uncertain() -> None:
     """A robot that turns another way in the second pass: no misfit of the course, which would count without bound."""
     rng, turn = np.random.default_rng(10), np.array([0.0, 4e-4, -3e-4])

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, permutations
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -29,6 +29,7 @@ LEAST_PIECES = 5  # of the spline; else its knots are two bins apart
 OUTLIER_SIGMAS = 5.0  # of the frames' own scatter; one in two million by chance
 NEIGHBOURS, RESETTLED = 7, 6  # bins that say roughly where the course runs; times that their weights settle
 LEAST_SHARED = 3  # bins in which passes tell how far they lie beside each other
+ALL_ALIKE = 1e-12  # of the strongest: what differences of passes do not tell, the offset of all
 # Of passes that share none: bins on each side that tell a step where they meet, and its own uncertainties that make it
 # certain, of a bend's four freedoms.
 MEETING, SURE_STEP = 6, 4.0
@@ -552,46 +553,54 @@ def _aligned(bins: Bins, bends: bool) -> tuple[Bins, float, Turned]:
         return bins, 0.0, Turned()
     of_pass = [np.flatnonzero(bins.group == p) for p in passes]
     width = 2.0 * max(median(np.diff(bins.s[mine])) if mine.size > 1 else 0.0 for mine in of_pass) + 1e-9
-    apart = [_against(bins, mine, of_pass, width) for mine in of_pass]
-    count = np.array([at.size for at, *_ in apart])
-    if not (count >= LEAST_SHARED).any():
-        return (*(_meeting(bins, of_pass) if bends else (bins, 0.0)), Turned())
+    pairs = [(i, j, *_against(bins, of_pass[i], of_pass[j], width)) for i, j in permutations(range(passes.size), 2)]
+    shared = [np.concatenate([at for i, _, at, *_ in pairs if i == k]) for k in range(passes.size)]
+    count = np.array([at.size for at in shared])
     seen = count >= LEAST_SHARED
-    shared = np.concatenate([at for at, *_ in apart])
-    middle = 0.5 * float(shared.min() + shared.max())
-    most = (np.ptp(at) > 0.5 * np.ptp(bins.s[mine]) for mine, (at, *_) in zip(of_pass, apart, strict=True))
-    turns = bends and bool((count > 2 * LEAST_SHARED).all()) and all(most)
-    off, weight = np.zeros((passes.size, 2, bins.y.shape[1])), np.zeros(passes.size)
-    for k in np.flatnonzero(seen):
-        at, differ, tells = apart[k]
-        weight[k], root = tells.sum(), np.sqrt(tells)[:, None]
-        shape = np.stack([np.ones(at.size), at - middle], axis=1)[:, : 1 + turns]
-        off[k, : 1 + turns] = np.linalg.lstsq(root * shape, root * differ, rcond=None)[0]
-    # Each difference is against the others' mean: of g passes, g / (g - 1) times the pass's own offset.
-    off *= (passes.size - 1) / passes.size
-    off[seen] -= np.average(off, axis=0, weights=weight)
+    if not seen.any():
+        return (*(_meeting(bins, of_pass) if bends else (bins, 0.0)), Turned())
+    every = np.concatenate(shared)
+    middle, half = 0.5 * float(every.min() + every.max()), 0.5 * float(np.ptp(every)) + 1e-9
+    most = (np.ptp(at) > 0.5 * np.ptp(bins.s[mine]) for mine, at in zip(of_pass, shared, strict=True))
+    terms = 2 if bends and bool((count > 2 * LEAST_SHARED).all()) and all(most) else 1
+    known, side = np.zeros((passes.size, terms, passes.size, terms)), np.zeros((passes.size, terms, bins.y.shape[1]))
+    weight = np.zeros(passes.size)
+    for i, j, at, differ, tells in pairs:
+        shape = (((at - middle) / half)[:, None] ** np.arange(terms)).T
+        one = shape * tells @ shape.T
+        known[i, :, i] += one
+        known[j, :, j] += one
+        known[i, :, j] -= one
+        known[j, :, i] -= one
+        side[i] += shape * tells @ differ
+        side[j] -= shape * tells @ differ
+        weight[i] += tells.sum()
+    size = passes.size * terms
+    # Differences tell no offset that all have: the least.
+    found = np.linalg.lstsq(known.reshape(size, size), side.reshape(size, -1), rcond=ALL_ALIKE)[0]
+    off = np.zeros((passes.size, 2, bins.y.shape[1]))
+    off[:, :terms] = found.reshape(side.shape)
+    off[seen] -= np.average(off[seen], axis=0, weights=weight[seen])
+    off[:, 1] /= half
+    off[~seen] = 0.0
     number = np.searchsorted(passes, bins.group)
     between, turned = (off[seen] ** 2).mean(axis=2).sum(axis=0) / max(seen.sum() * (seen.sum() - 1), 1)
     y = bins.y - off[number, 0] - off[number, 1] * (bins.s - middle)[:, None]
     return replace(bins, y=y), float(between), Turned(float(turned), middle)
 
 
-def _against(bins: Bins, mine: Int, of_pass: list[Int], width: float) -> tuple[Float, Float, Float]:
+def _against(bins: Bins, mine: Int, other: Int, width: float) -> tuple[Float, Float, Float]:
     """Where (k,) bins of a pass lie between two bins of another; by how much beside the line through these (k, d).
 
     And what that counts (k,): frames beside a shadow show little of a face.
     """
-    found = []
-    for other in (one for one in of_pass if one is not mine):
-        after = np.searchsorted(bins.s[other], bins.s[mine]).clip(1, max(other.size - 1, 1))
-        beside = [np.abs(bins.s[other[np.minimum(i, other.size - 1)]] - bins.s[mine]) for i in (after - 1, after)]
-        near = np.minimum.reduce(beside) < width
-        on = mine[near & (bins.s[mine] >= bins.s[other[0]]) & (bins.s[mine] <= bins.s[other[-1]])]
-        both = *bins.y[other].T, bins.variance[other]
-        *there, variance = (np.interp(bins.s[on], bins.s[other], of) for of in both)
-        found.append((bins.s[on], bins.y[on] - np.transpose(there), 1.0 / (bins.variance[on] + variance)))
-    at, apart, tells = (np.concatenate(of) for of in zip(*found, strict=True))
-    return at, apart, tells
+    after = np.searchsorted(bins.s[other], bins.s[mine]).clip(1, max(other.size - 1, 1))
+    beside = [np.abs(bins.s[other[np.minimum(i, other.size - 1)]] - bins.s[mine]) for i in (after - 1, after)]
+    near = np.minimum.reduce(beside) < width
+    on = mine[near & (bins.s[mine] >= bins.s[other[0]]) & (bins.s[mine] <= bins.s[other[-1]])]
+    both = *bins.y[other].T, bins.variance[other]
+    *there, variance = (np.interp(bins.s[on], bins.s[other], of) for of in both)
+    return bins.s[on], bins.y[on] - np.transpose(there), 1.0 / (bins.variance[on] + variance)
 
 
 def _meeting(bins: Bins, of_pass: list[Int]) -> tuple[Bins, float]:

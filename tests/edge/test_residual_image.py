@@ -111,6 +111,16 @@ def test_noise_alone_turns_no_line() -> None:
         assert abs(form.turn[0]) < 0.1 * form.turn_u[0]
 
 
+def test_a_face_without_noise_has_the_sensors_linearity() -> None:
+    """Returns that all lie on one digit of the sensor, as of a face square to its rays."""
+    passes = [SeenBy(-1.0, 1.0, PLACE_MM + off, 1.0) for off in (0.0, 10.0)]
+    for image in (image_of(np.zeros((1, 16))), image_of(np.zeros((2, 16)), *passes)):
+        seen = (image._replace(noise=share * image.noise) for share in (0.0, 1e-4))
+        one, other = (forms([of], np.zeros(1), Linearity())[0] for of in seen)
+        for name in ("turn_u", "lower_u_mm", "upper_u_mm"):
+            assert getattr(one, name)[0] == pytest.approx(getattr(other, name)[0], rel=0.1), name
+
+
 @pytest.mark.parametrize(("apart_mm", "share"), [(0.0, 1.0), (10.0, np.sqrt(0.5))])
 def test_passes_average_what_the_sensor_errs_by_other_columns(apart_mm: float, share: float) -> None:
     linearity, nothing = Linearity(0.02, 1.0), np.zeros((2, 16))

@@ -37,6 +37,7 @@ SENSOR = 1000.0  # odds, before, that what lasts is the sensor's, with one walk 
 # Share, before, of no walk and of no errors of single places; strengths beyond that of good sensors are the rarer.
 NOTHING, USUAL_MM = 0.5, 0.001
 FREE_MM = 1.0  # by which a line may be anything
+LEAST_NOISE_MM = 1e-6  # where all returns of a face lie on one digit, nothing else is left
 # Share, before, of faces of which a part stands aside as a whole; by how much, mm, alike likely.
 PART, ASIDE_MM = 0.01, np.array([0.01, 0.03, 0.1, 0.3])
 RARE = 5.0  # a likelihood smaller by a factor whose logarithm is this counts for nothing
@@ -346,7 +347,7 @@ def _weighed(image: FaceImage, with_parts: bool) -> _Weighed:
     """Restricted log-likelihoods of each stretch's mean residuals; with_parts: a part of the face may stand aside."""
     t = image.place_mm
     shapes = np.stack([np.ones_like(t), t / t[-1]], axis=1)
-    base = image.noise + FREE_MM**2 * shapes @ shapes.T + 1e-16 * np.eye(t.size)
+    base = image.noise + FREE_MM**2 * shapes @ shapes.T + LEAST_NOISE_MM**2 * np.eye(t.size)
     means = _Means(*map(as_input, (image.mean, base, _walk(image), WALKS**2, SINGLES**2)))
     prior = (_log_prior(WALKS)[:, None] + _log_prior(SINGLES)) / len(image.mean)  # once for all stretches
     log, square = np.empty((2, len(image.mean), *prior.shape))
@@ -543,7 +544,7 @@ def _form(image: FaceImage, lasting: Sequence[_Lasting], at: Float, sensor: Line
         variance = _variance(centred, one.covariance) + _variance(beside, one.aside_covariance)
         rows.append(np.append(np.sqrt(variance + either**2 + other), beside @ one.aside_mm))
     passes = image.passes or (SeenBy(-math.inf, math.inf, t / image.lean[0], float(image.lean[0])),)
-    tells = 1.0 / np.array([_variance(weights[:1], noise)[0] for noise in image.noise])
+    tells = 1.0 / np.array([_variance(weights[:1], noise)[0] + LEAST_NOISE_MM**2 for noise in image.noise])
     share, told = np.zeros((len(passes), at.size)), np.zeros((len(passes), 6, at.size))
     for number, seen in enumerate(passes):
         mine = image.of_pass == number

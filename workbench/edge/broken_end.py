@@ -147,9 +147,12 @@ class BrokenEnd:
             return self
         cell = stretches(s[known], CELL_MM)
         ends = np.stack([_by_cells(cell[on[known]], end_mm[known & on], int(cell.max()) + 1) for on, _ in views])
-        shared = ends[:, np.isfinite(ends).all(axis=0)]
-        if shared.shape[1] < LEAST_SHARED:
+        beside = _beside(np.isfinite(ends))
+        if len(beside) < 2:
             return self
+        apart_from_these = [view for k, view in enumerate(views) if k not in beside]
+        views, ends = [views[k] for k in beside], ends[beside]
+        shared = ends[:, np.isfinite(ends).all(axis=0)]
         off = shared - shared.mean(axis=0)
         place, noise = off.mean(axis=1)[:, None], off.var(axis=1, ddof=1)[:, None] / shared.shape[1]
         at = place + np.array([seen.beyond for _, seen in views])
@@ -169,7 +172,22 @@ class BrokenEnd:
         beyond, u = self.beyond_mm.copy(), self.u_mm.copy()
         for (on, _), begin in zip(views, place[:, 0], strict=True):
             beyond[on], u[on] = mean - begin, math.sqrt(float(share @ left))
+        for on, seen in apart_from_these:
+            beyond[on], u[on] = _moments(share, seen.beyond, seen.beyond_u)
         return replace(self, beyond_mm=beyond, together_u_mm=u, share=share)
+
+
+def _beside(known: Bool) -> list[int]:
+    """Of views that know some cells (v, c) those that lie beside each other, from the two that share most on; or none.
+
+    A pass of another part of the edge, or a frame or two that show a corner, say nothing of where the others end.
+    """
+    both = np.triu(known.astype(np.int64) @ known.T, 1)
+    kept = [int(k) for k in np.unravel_index(both.argmax(), both.shape)]
+    for k in np.argsort(-known.sum(axis=1), kind="stable"):
+        if k not in kept and known[[*kept, k]].all(axis=0).sum() >= LEAST_SHARED:
+            kept.append(int(k))
+    return sorted(kept) if both.max() >= LEAST_SHARED else []
 
 
 def _by_cells(cell: Int, values: Float, count: int) -> Float:
@@ -264,8 +282,12 @@ def weights(s: Float, u_mm: Float) -> Float:
 
 def beyond_of(share: Shaped[Float, " t"], seen: SeenEnd) -> tuple[float, float]:
     """Virtual edge beyond the last return, mm, and its standard uncertainty, by the posterior over the templates."""
-    mean = float(share @ seen.beyond)
-    return mean, math.sqrt(float(share @ ((seen.beyond - mean) ** 2 + seen.beyond_u**2)))
+    return _moments(share, seen.beyond, seen.beyond_u)
+
+
+def _moments(share: Float, value: Float, u: Float) -> tuple[float, float]:
+    mean = float(share @ value)
+    return mean, math.sqrt(float(share @ ((value - mean) ** 2 + u**2)))
 
 
 def whole_end(frames: int) -> BrokenEnd:

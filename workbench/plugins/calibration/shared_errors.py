@@ -35,6 +35,7 @@ OWN = (0.01, 10.0)  # between which a pose's own error is sought, likewise
 FEWER = 6  # every so many of the grid are enough to find it
 NEAR = 0.05  # of its logarithm, that is near enough
 AROUND = np.exp(np.linspace(-0.6, 0.6, 5))  # the grid of it, over the likeliest
+NO_WEIGHT = 20.0  # of a logarithm below the likeliest: nothing of the mixture
 AS_STATED = (0.01, 0.2, 0.5, 0.8, 1.0)  # a pose's own error, the whole scan's making up the stated one
 DRAWS = 4000  # of the mixture: its 95 % ellipsoid is told within some 2 % of its size
 LEVEL = 0.95
@@ -83,13 +84,13 @@ def _of_scans(found: estimator.Fit[Estimate], sphere: Sphere) -> Settled:
     for _ in range(ROUNDS):  # to where an error of the whole scan as stated leads
         estimate = estimate.moved(_Scans(estimate, sphere, found.used).by(1.0, 0.5).step())
     scans = _Scans(estimate, sphere, found.used)
-    likeliest = scans.own()
-    grid = [(whole, own) for own in likeliest * AROUND for whole in WHOLE]
+    owns = scans.owns()
+    grid = [(whole, own) for own in owns for whole in WHOLE]
     parts = [scans.by(*one) for one in grid]
     log = np.array([one.restricted for one in parts])
     believed = log + np.array([_prior_of_scans(*one) for one in grid])
     mixture, best = _Mixture(parts, believed), int(np.argmax(believed))
-    less = (one for one in (*AS_STATED, likeliest) if one <= 1.0)
+    less = (one for one in (*AS_STATED, *owns) if one <= 1.0)
     as_stated = max(scans.by(np.sqrt(1.0 - one**2), one).restricted for one in less)
     misfit = bool(np.hypot(*grid[best]) > 1.0 and log[best] > as_stated + CERTAIN)
     covariance, noise = mixture.covariance * max(1.0, mixture.reach()), scans.noise(*grid[best])
@@ -135,15 +136,17 @@ class _Scans:
         linear = linearise(self.estimate, self.here, noise, self.with_offset)
         return rows_of(linear, self.here, noise, self.estimate.radius_mm).normal()
 
-    def own(self) -> float:
-        """The likeliest of a pose's own errors."""
+    def told(self, own: float) -> float:
+        """Logarithm of how likely an error of the poses' own is, whatever the whole scan's."""
+        each = [self.by(whole, own).restricted + _prior_of_scans(whole, own) for whole in WHOLE[::FEWER]]
+        return float(np.logaddexp.reduce(each))
 
-        def cost(log_own: float) -> float:
-            own = float(np.exp(log_own))
-            each = (self.by(whole, own).restricted + _prior_of_scans(whole, own) for whole in WHOLE[::FEWER])
-            return -float(np.logaddexp.reduce(list(each)))
-
-        return float(np.exp(scipy.optimize.minimize_scalar(cost, bounds=np.log(OWN), options={"xatol": NEAR}).x))
+    def owns(self) -> list[float]:
+        """Poses' own errors about the likeliest, those that have a weight."""
+        found = scipy.optimize.minimize_scalar(
+            lambda log_own: -self.told(np.exp(log_own)), bounds=np.log(OWN), options={"xatol": NEAR}
+        )
+        return [one for one in np.exp(found.x) * AROUND if self.told(one) > -found.fun - NO_WEIGHT]
 
 
 def _prior_of_scans(whole: float, own: float) -> float:

@@ -89,9 +89,9 @@ LIMITS: dict[str, Limit] = {
         "it moves returns along the faces; a quarter of the columns' distance is taken where that is more",
     ),
     "obliquity_deg": Limit(
-        23.0,
+        27.0,
         "angle between the laser plane's normal and the edge, as poses and profiles together tell it",
-        "scans are made at 0 to 20 deg; wrong orientations or hand-eye poses mostly give 27 to 68 deg",
+        "scans are made at 0 to 25 deg; wrong orientations or hand-eye poses mostly give 27 to 68 deg",
     ),
     "obliquity_varies_deg": Limit(
         8.0,

@@ -319,14 +319,13 @@ def _enough(sums: Float, face: int, least: int) -> bool:
 
 
 @kernel
-def _follow_frame(
-    x: Float32, z: Float32, keep: Bool, side: float, state: Float, sigma: Float, rim_mm: float, sums: Float, end: Float
-) -> bool:
+def _follow_frame(x: Float32, z: Float32, keep: Bool, state: Float, faces: KnownFaces, sums: Float, end: Float) -> bool:
     """Settle `state` on one frame in place; write its sums and the root face's end. False: edge not seen."""
+    side, sigma, _, rim_mm, blur_mm = faces
     width0 = abs(_crossing(state, BEVEL, ROOT) - state[ROOT, END])
     bevel0 = abs(_crossing(state, BEVEL, ROOT) - state[BEVEL, END])
     spans = _spans(x, side, _limits(state, side, 0.0, 0.0))
-    gates, margin = np.empty(4), CORNER_MARGIN_MM
+    gates, margin = np.empty(4), CORNER_MARGIN_MM + blur_mm
     before = state[:, SLOPE].copy()
     plain, moved = False, np.inf
     for step in range(GATES_MM.size + 2):
@@ -342,7 +341,7 @@ def _follow_frame(
         if sums[BEVEL, COUNT] < 5 or sums[ROOT, COUNT] < 3:
             return False
         moved = _refit(state, sums, sigma, step > 0)
-        margin = CORNER_MARGIN_MM + CORNER_SIGMAS * _corner_sigma(state, sums[ROOT, COUNT], sigma[ROOT])
+        margin = CORNER_MARGIN_MM + blur_mm + CORNER_SIGMAS * _corner_sigma(state, sums[ROOT, COUNT], sigma[ROOT])
         if step == GATES_MM.size - 1:
             _onto_most(x, z, keep, spans, side, state, _limits(state, side, margin, rim_mm), before, sigma, sums)
         if step == 0:  # the frame as a whole may have moved: carry the free ends along with the corner
@@ -416,7 +415,6 @@ class KeyFrames(NamedTuple):
 
     frames: Shaped[Int, " k"]  # rising
     states: Shaped[Float, "k 4 4"]
-    sigma: Shaped[Float, " 4"]  # range noise of each face, mm
 
 
 class KnownFaces(NamedTuple):
@@ -426,6 +424,7 @@ class KnownFaces(NamedTuple):
     sigma: Shaped[Float, " 4"]  # range noise of each, mm
     names: Shaped[Int, " 4"]  # label of each
     rim_mm: float  # rounded end of the root face that its line leaves out
+    blur_mm: float  # by which a mean over columns mixes what lies on either side of a corner
 
 
 class Followed(NamedTuple):
@@ -445,7 +444,7 @@ def _follow_from(
 
     ends (2, 4, 4): states at frames `reach` (2,), on a line between which it starts again where the edge is lost.
     """
-    side, sigma, names, rim_mm = faces
+    side, sigma, names, _, _ = faces
     sums, end, seen, labels = found
     lost = 0
     for frame in frames:
@@ -455,7 +454,7 @@ def _follow_from(
                 for k in range(4):
                     state[f, k] = (1.0 - w) * ends[0, f, k] + w * ends[1, f, k]
         trial, x, z, keep = state.copy(), grid.x[min(frame, len(grid.x) - 1)], grid.z[frame], grid.keep[frame]
-        seen[frame] = _follow_frame(x, z, keep, side, trial, sigma, rim_mm, sums[frame], end[frame])
+        seen[frame] = _follow_frame(x, z, keep, trial, faces, sums[frame], end[frame])
         if seen[frame]:
             _copy(trial, state)
             lost = 0
@@ -489,14 +488,11 @@ def _follow_stretch(c: int, keys: Int, states: Float, grid: Profiles, faces: Kno
         _follow_from(ends[1].copy(), reach[1:].copy(), reach, ends, grid, faces, found)
 
 
-def follow(grid: Profiles, side: float, keys: KeyFrames, names: Int, rim_mm: float, found: Followed) -> None:
-    """Follow the faces through the frames between the key frames, on all cores; fill in what is `found`.
-
-    names (4,): label of each face; rim_mm: rounded end of the root face that its line leaves out.
-    """
+def follow(grid: Profiles, keys: KeyFrames, faces: KnownFaces, found: Followed) -> None:
+    """Follow the faces through the frames between the key frames, on all cores; fill in what is `found`."""
     profiles = Profiles(as_rows(grid.x), as_input(grid.z), as_input(grid.keep))
     frames, states = as_input(keys.frames), as_input(keys.states)
-    faces = KnownFaces(side, as_input(keys.sigma), as_input(names), rim_mm)
+    faces = faces._replace(sigma=as_input(faces.sigma), names=as_input(faces.names))
 
     def stretch(c: int, _: int) -> None:
         _follow_stretch(c, frames, states, profiles, faces, found)

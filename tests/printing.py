@@ -10,6 +10,7 @@ from typing import Any
 def sheets(browser: Any, page: Path) -> int:
     """How many sheets of paper a page takes."""
     opened = browser.new_page()
+    opened.set_default_timeout(300_000)  # a loaded machine draws slowly
     opened.goto(page.as_uri())
     printed = opened.pdf(prefer_css_page_size=True)
     opened.close()

@@ -50,6 +50,7 @@ class Opened:
     def __init__(self, browser, path, *, width=1100, before="", **options):
         self.context = browser.new_context(viewport={"width": width, "height": 900}, offline=True, **options)
         self.page = self.context.new_page()
+        self.page.set_default_timeout(300_000)  # a loaded machine draws slowly
         self.requests, self.complaints = [], []
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.on("console", lambda message: self.complaints.append(message.text))

@@ -136,6 +136,7 @@ def pages(part, planned, by_formula, provenance, tmp_path_factory) -> dict[str, 
 @pytest.fixture(scope="module", params=["loop", "fleet", "groove"])
 def opened(request, pages, browser):
     made = browser.new_page()
+    made.set_default_timeout(300_000)  # a loaded machine draws slowly
     made.goto(pages[request.param].as_uri())
     yield made
     made.close()

@@ -216,6 +216,18 @@ def test_a_filter_that_leaves_long_periods_is_seen(condition: str, sigma: float)
     assert "smoothing filter" in failed(spoilt(r, z_mm=z))["mean_columns"]
 
 
+def test_a_few_returns_show_no_filter() -> None:
+    """Of noise in scattered threes few pairs lie so many columns apart: chance alone made a mean over 13 to 20."""
+    r = good()
+    x = r.x_mm[:, : r.x_mm.shape[1] // 3 * 3]
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        z = np.full((*x.shape[:1], x.shape[1] // 3, 3), np.nan, np.float32)
+        for row in z:
+            row[rng.choice(len(row), 30, replace=False)] = 100.0 + rng.normal(0.0, 0.01, (30, 3))
+        assert "mean_columns" not in failed(spoilt(r, x_mm=x, z_mm=z.reshape(x.shape), intensity=None))
+
+
 def test_few_frames_show_no_order() -> None:
     recording = read(recording=Path("data/synthetic/groove.h5"))
     few = np.random.default_rng(1).permutation(len(recording.time_s))[:8]

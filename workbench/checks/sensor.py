@@ -286,13 +286,13 @@ def _straight_pieces(z: Float) -> Float:
 
 
 def _by_lag(values: Float, used: Bool, lags: int) -> Float:
-    """Mean product (lags,) of values (n, M) that lie so many columns apart, of those that are used; by FFT."""
+    """Mean product (lags,) of values (n, M) so many columns apart, of those that are used; 0: of too few. By FFT."""
     size = _fast_size(values.shape[1] + lags)
     total, count = (
         np.fft.irfft((np.abs(np.fft.rfft(one, size)) ** 2).sum(axis=0), size)[:lags]
         for one in (values, used.astype(float))
     )
-    return np.asarray(total / np.maximum(np.round(count), 1.0))
+    return np.asarray(total * (count > LEAST_PAIRS) / np.maximum(count, 1.0))
 
 
 def _fast_size(least: int) -> int:

@@ -28,6 +28,7 @@ SHARP_MM = 0.5  # radius of a fillet that passes for a corner: corners of cutter
 SMALLEST_MM, LARGEST_MM = 0.3, 40.0  # radius
 LAND_TILT = 2.0 * DEG  # standard deviation of a land's tilt before anything is seen of it
 LOSS_SIGMAS = 3.0
+NINE_TENTHS = 1.645  # standard deviations, within which nine tenths of what is normally distributed lie
 GOOD_COST = 4.0  # of a fit, times what noise costs: no other start is tried
 RUNS = 12  # of points along flank, fillet and land
 STEPS = 60
@@ -41,6 +42,7 @@ class Fillet(NamedTuple):
     bottom_mm: float  # level at the origin of the land, or where nothing of it is seen of the circle's lowest point
     tilt: float  # delta of the land, rad
     covariance: Shaped[Float, "3 3"]  # of these, by noise
+    misfit: float  # nine tenths of its returns lie within so many times 1.6 of their noise
     left_mm: Shaped[Float, " RUNS"]  # mean of what is left in runs of equally many points, from the flank on
     by_run: Shaped[Float, "3 3"]  # covariance for runs that err by 1 mm, each on its own
 
@@ -88,6 +90,10 @@ class Fillets:
         usual = np.median([np.diag(one.covariance) for one in self._all], axis=0) if self._all else np.full(3, np.nan)
         return np.full(self.radius.size, usual[0]), np.full(self.radius.size, usual[1])
 
+    def misfit(self) -> float:
+        """Of their returns, times their noise; NaN: there is none."""
+        return float(np.median([one.misfit for one in self._all])) if self._all else math.nan
+
     def form_u(self) -> tuple[float, float]:
         """By how much radius and level err by what stands off line and circle in the same way in all profiles, mm."""
         told = [one for one in self._all if np.isfinite(one.left_mm).all()]
@@ -125,7 +131,7 @@ def fit_circle(points: Float, ray: Float, sigma_mm: float) -> Fillet | None:
         return None
     gradient = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, -1.0], [0.0, 0.0, 0.0]])
     sizes = float(found.x[2]), float(middle[1] + found.x[1] - found.x[2]), 0.0
-    return _fillet(sizes, gradient, found, sigma_mm)
+    return _fillet(sizes, gradient, found, found.fun, sigma_mm)
 
 
 def fit_below_flank(
@@ -156,7 +162,9 @@ def fit_below_flank(
     d, inside = _along(way + turn), _normal(way + turn)
     lever = tangent * d[0] - (off + radius) * d[1]
     gradient = np.array([[0.0, 0.0, 1.0, 0.0], [lever, inside[1], inside[1] - 1.0, d[1]], np.zeros(4)])
-    fillet = _fillet((radius, float(centre(found.x)[1]) - radius, 0.0), gradient, found, sigma_mm)
+    on_arc = found.fun[reach > tangent]
+    on_arc = on_arc if on_arc.size >= LEAST_ARC else np.zeros(1)
+    fillet = _fillet((radius, float(centre(found.x)[1]) - radius, 0.0), gradient, found, on_arc, sigma_mm)
     if fillet is None:
         return None
     own = np.linalg.inv(found.jac.T @ found.jac) * max(_rms(found.fun), 1.0) ** 2
@@ -185,7 +193,7 @@ def fit_on_land(points: Float, fall: float, sigma_mm: float, start: Fillet | Non
     if found is None:
         return None
     found.fun = found.fun[:-1]
-    return _fillet((float(found.x[0]), float(found.x[1]), float(found.x[2])), np.eye(3), found, sigma_mm)
+    return _fillet((float(found.x[0]), float(found.x[1]), float(found.x[2])), np.eye(3), found, found.fun, sigma_mm)
 
 
 def _along(angle: float) -> Float:
@@ -234,9 +242,10 @@ def _fillet(
     sizes: tuple[float, float, float],
     gradient: Float,
     found: scipy.optimize.OptimizeResult,
+    on_arc: Float,
     sigma_mm: float,
 ) -> Fillet | None:
-    """The fillet of a fit, gradient (3, k) of its sizes."""
+    """The fillet of a fit, gradient (3, k) of its sizes; on_arc: what is left of its own points, in sigmas."""
     left, unknown = found.fun, found.x.size
     try:
         own = gradient @ np.linalg.inv(found.jac.T @ found.jac) @ gradient.T
@@ -248,6 +257,7 @@ def _fillet(
     return Fillet(
         *sizes,
         own * max(_rms(left), 1.0) ** 2,
+        float(np.quantile(np.abs(on_arc), 0.9)) / NINE_TENTHS,
         np.array([run.mean() for run in runs]) if left.size >= RUNS else np.full(RUNS, math.nan),
         own * left.size / ((RUNS - unknown) * sigma_mm**2),
     )

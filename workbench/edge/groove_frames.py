@@ -47,6 +47,7 @@ class ReadFrames:
     up: float  # 1 where z counts out of the plates
     share: float  # of the profiles that have enough returns
     unread: float  # share of those with two plates of which a face could not be read
+    compound: float  # share of those in which a plate shows two faces
     agreement: float  # share of the profiles with a face that show the kind that most do, of the worse side
 
     def only(self, keep: Bool) -> ReadFrames:
@@ -116,6 +117,7 @@ def read_frames(cloud: Cloud) -> ReadFrames:
         up,
         share,
         sum(one is not None and not is_read(one) for one in seen) / max(len(frames), 1),
+        sum(one is not None and "compound" in (one[0].kind, one[1].kind) for one in seen) / max(len(frames), 1),
         min(agree_left, agree_right),
     )
 

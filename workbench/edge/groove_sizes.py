@@ -21,7 +21,7 @@ from workbench.geometry.course import fit_course
 from workbench.geometry.silhouette import CELL_MM, Ends, find_end
 from workbench.units import DEG, Bool, Float
 
-LEAST_DEPTH_MM = 4.0  # of a groove whose faces are not seen,
+LEAST_DEPTH_MM = 4.0  # of a groove whose faces are not seen, for judging the levels of its plates
 # Of a column's step: where in it a return is lost depends on the sensor and on what lies behind; less where the last
 # returns tell how a column sees an end.
 STEP_SHARE, SEEN_SHARE = 0.3, 0.12
@@ -125,6 +125,7 @@ class GrooveSizes:
         self.shadowed = False  # whether one root lies in the other plate's shadow
         self.high = 0.0  # mm by which the right root's upper edge lies above the left one's
         self.uneven = math.nan  # that, over the greater depth; NaN: one plate is not prepared, or a root not seen
+        self.unlike = math.nan  # by how much the plates are prepared to different depths, over the greater one
 
     @property
     def _mine(self) -> tuple[slice, slice]:
@@ -232,6 +233,7 @@ class GrooveSizes:
         self._bevels(doubtful)
         square = [typical(self._down(k)) for k, one in enumerate(self.plates) if one.kind == "square"]
         told = [depth for depth in (*square, *deep.values()) if math.isfinite(depth)]
+        self.depth = max(told, default=LEAST_DEPTH_MM)
         self._unseen(ends, max(told, default=math.inf), doubtful)
 
     def _ends(self) -> dict[str, Place]:
@@ -263,6 +265,10 @@ class GrooveSizes:
     def _down(self, k: int) -> Float:
         """How far a plate's last return lies below its upper corner (n,), mm."""
         return np.asarray(self.corner[k][:, 1] - self.plates[k].last[:, 1])
+
+    def level_share(self) -> float:
+        """How much higher one plate stands than the other, over the groove's depth."""
+        return abs(self.misalignment) / max(self.depth, 1e-3)
 
     def _bevels(self, doubtful: bool) -> None:
         """Angles of bevels and flanks: with the plates' own upper surfaces, and between both."""
@@ -406,7 +412,7 @@ class GrooveSizes:
         self.high = high
         if len(self.seen.reach) == 2:
             down = [typical(self.seen.at[f"{name}_upper"][:, 1] - self.seen.at[f"{name}_root"][:, 1]) for name in NAMES]
-            self.uneven = abs(high) / max(*down, 1e-3)
+            self.uneven, self.unlike = (abs(off) / max(*down, 1e-3) for off in (high, down[0] - down[1]))
         columns = SHADOW_COLUMNS * max(typical(one.edge_step) for one in self.plates)
         beyond = abs(high) > SHADOW_MM and apart - max(self.lean * high, 0.0) < columns + SHADOW_FAN * abs(high)
         for k, (one, name) in enumerate(zip(self.plates, NAMES, strict=True)):

@@ -118,6 +118,8 @@ def _read_checks(read: ReadFrames, given: Mapping[str, Bound]) -> list[Check]:
     """That the profiles show two plates with one face each, and the same ones."""
     few = f"two plates with a groove between them were found in {100 * read.share:.0f} % of the profiles"
     few += f", in {100 * read.unread:.0f} % a face is too steep, low or curved to read" if read.unread else ""
+    two = f"in {100 * read.compound:.0f} % of the profiles a plate shows a face above a steeper one: a compound bevel, "
+    two += "or one whose upper edge is dressed?"
     agree = read.agreement * read.share / max(read.share + read.unread, 1e-9)
     mixed = (
         f"{100 * agree:.0f} % of the profiles agree on the faces of the plates, in {100 * read.unread:.0f} % a face is "
@@ -125,6 +127,7 @@ def _read_checks(read: ReadFrames, given: Mapping[str, Bound]) -> list[Check]:
     mixed += "too steep, low or curved to read: is it one groove, or a plate with two faces?"
     return [
         check("found_share", read.share, f"{few}: no groove?", given=given),
+        check("groove_compound", read.compound, two, given=given),
         check("agreement", agree, mixed, given=given),
     ]
 
@@ -133,17 +136,35 @@ def _checks(
     cloud: Cloud, read: ReadFrames, labels: AnyArray, measured: GrooveSizes, given: Mapping[str, Bound]
 ) -> list[Check]:
     """That what was measured is a groove, that its faces are straight and that their ends were seen."""
-    gap = measured.sizes["gap_mm"]
+    level = measured.level_share()
+    gap, radius = measured.sizes["gap_mm"], measured.sizes.get("root_radius_mm")
     overlap, wide = typical(-gap.value - 3.0 * gap.u), max(typical(gap.value), 0.0)
+    grazing = max((typical(one.grazing) for one in measured.plates if one.kind == "bevel"), default=math.nan)
+    small = math.nan if radius is None else typical(radius.value)
+    by = f"{100 * level:.0f} % of the groove's depth" if level < 10.0 else "many times the groove's depth"
+    stands = f"one plate stands {by} above the other: a plate's edge or a lap joint?"
     far = f"the plates stand {wide:.1f} mm apart: two plates beside something else, or what lies under them?"
     if overlap > 0.0:
         wide, far = -overlap, "the plates' roots overlap: no gap, other faces were followed"
+    steep = f"along a bevel the returns stand {grazing:.0f} times as far apart as on its plate: the view grazes it, so "
+    steep += "that nothing tells where it ends; scan it more squarely"
     lean = max((one.lean_deg for one in measured.plates), default=math.nan)
     leans = f"what would be a root face leans by {lean:.0f} deg from the square to its plate: the lower face of a "
     leans += "compound bevel, or the bevel below a dressed upper edge; or what lies under the root, a backing strip?"
+    misfit = max((off for one in measured.plates if math.isfinite(off := one.fillets.misfit())), default=math.nan)
+    bent = f"what would be a fillet lies {misfit:.0f} times its noise off any circle: two faces that meet, a weld or a "
+    bent += "backing strip at the root?"
+    unlike = f"one plate's root begins {100 * measured.unlike:.0f} % less deep than the other's: a bevel of which the "
+    unlike += "view hides the lower part?"
+    short = f"a fillet of {small:.1f} mm: it is not told from a rounded corner"
     return [
+        check("groove_level", level, stands, given=given),
         check("groove_gap_mm", _known(wide), far, given=given),
+        check("bevel_grazing", _known(grazing), steep, given=given),
         check("root_face_lean_deg", _known(lean), leans, given=given),
+        check("fillet_misfit", _known(misfit), bent, given=given),
+        check("root_levels", _known(measured.unlike), unlike, given=given),
+        check("fillet_radius_mm", _known(small), short, given=given),
         *_straight(cloud, read, labels, given),
     ]
 

@@ -131,7 +131,7 @@ def segment_preparation(
         chain = _Chain(cloud, frames, measured, edge, declared.sensor)
         if frames.kind == "J":  # the flank's line may have leant on its fillet, before that was known
             chain = _Chain(cloud, frames_of(cloud, plates, rim, chain.flank_mm()), measured, edge, declared.sensor)
-            checks.append(chain.fillet_check(limits))
+            checks.extend(chain.fillet_checks(limits))
             refuse_failed(checks, *_refused(cloud, frames))
         sizes, corners = chain.sizes(), chain.corners
         checks.append(_extent_check(sizes["root_face_mm"], frames, limits))
@@ -248,14 +248,18 @@ class _Chain:
         """The fillets of a J, in some frames."""
         return self._fillets(self._places(), self._angles(), FILLETS)
 
-    def fillet_check(self, given: Mapping[str, Bound]) -> Check:
-        """The check that what is measured as a fillet is round."""
+    def fillet_checks(self, given: Mapping[str, Bound]) -> tuple[Check, Check]:
+        """The checks that what is measured as a fillet is round, and ends level."""
         seen = [one for one in self.fillets if one is not None]
         if not seen:
             raise InputError(self.cloud.source, "no profile shows a whole fillet between flank and root face: no J?")
-        off = misfit_mm(seen)
+        off, tilt = misfit_mm(seen), abs(typical(np.array([one.tilt for one in seen]))) / DEG
         told = f"between flank and root face the returns stand off a fillet by {off:.3f} mm, rms: straight faces, "
-        return check("fillet_misfit_mm", off, f"{told}or a flank that is not?", given=given)
+        falls = f"below the fillet the land falls by {tilt:.0f} deg: a bevel below a rounded corner?"
+        return (
+            check("fillet_misfit_mm", off, f"{told}or a flank that is not?", given=given),
+            check("land_tilt_deg", tilt, falls, given=given),
+        )
 
     def _fillet_places(self, width_mm: Float) -> dict[str, Place]:
         """What fillets leave open of radius, level and land; width (N,) of the preparation.

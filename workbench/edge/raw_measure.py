@@ -16,8 +16,9 @@ import numpy as np
 import scipy
 
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
-from workbench.edge.broken_end import BrokenEnd, EdgeCondition, FaceRim, broken_end, weights, whole_end
+from workbench.edge.broken_end import BrokenEnd, FaceRim, broken_end, weights, whole_end
 from workbench.edge.directions import LOCAL_MM, TOGETHER_MM, between, go_together, near_slope, wrapped
+from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.edge.raw_faces import FaceEnds, RawFaces, middle_of, outward_of
 from workbench.edge.raw_local import local_mean

@@ -19,17 +19,10 @@ from workbench.checks.levels import BEHIND
 from workbench.checks.residuals import FaceAlong, late_of
 from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import end_step_check
-from workbench.edge.broken_end import (
-    BrokenEnd,
-    EdgeCondition,
-    broken_end,
-    is_free_end,
-    root_rim,
-    together_along,
-    weights,
-)
+from workbench.edge.broken_end import BrokenEnd, broken_end, is_free_end, root_rim, together_along, weights
 from workbench.edge.certified import certified, certified_linearity
 from workbench.edge.directions import TOGETHER_MM, between
+from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.lower_fillet import LIT_COLUMNS, lower_fillet

@@ -27,7 +27,7 @@ from workbench.artefacts import (
 )
 from workbench.checks import NOT_JUDGED
 from workbench.checks.sensor import step_mm
-from workbench.edge.broken_end import EdgeCondition
+from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.faces import find_faces, key_readings
 from workbench.edge.identify import WORST_SCORE, Candidate
 from workbench.edge.measure import measure_edge

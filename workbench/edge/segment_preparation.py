@@ -25,8 +25,9 @@ from workbench.checks.faces import bows_check, corners_checks, plates_check, req
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check
 from workbench.checks.profiles import in_order
-from workbench.edge.broken_end import EdgeCondition, broken_end, is_free_end, root_rim
+from workbench.edge.broken_end import broken_end, is_free_end, root_rim
 from workbench.edge.directions import near_slope, width_mm, wrapped
+from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.fillet import Fillet, fit_on_land, misfit_mm
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.joint_lines import Along, JointLines, Place, Values, corners, joined, meeting, typical

@@ -31,8 +31,9 @@ from workbench.checks.end_face import edge_break_check, require_end_face
 from workbench.checks.faces import plates_check
 from workbench.checks.residuals import FaceAlong, Late, every_second, late_check, late_of
 from workbench.checks.window import end_step_check
-from workbench.edge.broken_end import EdgeCondition, together_along
+from workbench.edge.broken_end import together_along
 from workbench.edge.directions import between
+from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED
 from workbench.edge.on_table import raw_under_u_mm

@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench import pieces
 from workbench.artefacts import BEVEL_FACE, Chapter, Cloud, Document, Inspection, MilledEdge
-from workbench.edge.broken_end import EdgeCondition
+from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.parameters import USUAL_NOISE_MM, RobotNoiseOrUsual, usual_noise_mm
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Float

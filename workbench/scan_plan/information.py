@@ -17,26 +17,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.edge.broken_end import (
-    DEEP_MM,
-    DEPTH_U_MM,
+from workbench.edge.broken_end import DEEP_MM, DEPTH_U_MM, SAMPLE_FRAMES, UNLIKELY, beyond_of, end_groups, weights
+from workbench.edge.end_templates import (
     PRIORS,
-    SAMPLE_FRAMES,
     SIZES,
-    UNLIKELY,
     Depths,
     EdgeCondition,
     EndTemplates,
     EndView,
     SeenEnd,
-    beyond_of,
-    end_groups,
     end_phases,
     end_templates,
     free_depths,
     rendered_end,
     seen_end,
-    weights,
 )
 from workbench.edge.lower_fillet import LIT_COLUMNS
 from workbench.edge.residual_image import (

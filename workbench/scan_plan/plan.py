@@ -27,7 +27,7 @@ from workbench.artefacts import (
 )
 from workbench.artefacts.decisions import NOT_CHECKED
 from workbench.cad import NominalEdge
-from workbench.edge.broken_end import EdgeCondition
+from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.parameters import Direction, RobotNoise
 from workbench.edge.residual_image import declared_linearity
 from workbench.errors import InputError

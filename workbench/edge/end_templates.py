@@ -1,0 +1,328 @@
+"""Templates of a face's broken end, and what a scanning pass would see of each (docs/method.md, eq. (12)).
+
+An end is sharp, rounded or has a chamfer. Each such template predicts how deep the last returns lie under the face's
+line, which part of the break the rays still reach, and so how far the virtual sharp edge lies beyond the last return.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from workbench.kernels import kernel
+from workbench.units import Bool, Float, Int, Shaped
+
+EdgeCondition: TypeAlias = Literal["sharp", "deburred", "unknown"]
+
+
+class EdgePrior(NamedTuple):
+    """What is held possible of an edge before any return is looked at: shares, and sizes alike likely in logarithm."""
+
+    sharp: float
+    rounded: float
+    chamfered: float
+    least_mm: float
+    most_mm: float
+
+
+# A milled edge that nothing was said of is as likely sharp as broken; one that a brush or a file went over has a size.
+PRIORS: dict[EdgeCondition, EdgePrior] = {
+    "sharp": EdgePrior(0.5, 0.5, 0.0, 0.002, 0.02),
+    "deburred": EdgePrior(0.0, 0.9, 0.1, 0.03, 2.0),
+    "unknown": EdgePrior(0.5, 0.48, 0.02, 0.005, 2.0),
+}
+SIZES, TURNS = 24, np.radians(np.arange(15.0, 80.0, 10.0))  # templates: sizes of each kind, turns of chamfers
+RARE_MM = 0.15  # breaks beyond this are the rarer, the larger
+# Greatest angle of incidence at which a return is kept: below 60 deg where the camera looks away from the lobe.
+STEP = math.radians(6.0)
+INCIDENCES = np.arange(math.radians(44.0), math.radians(89.0), STEP)
+INCIDENCE_PRIOR = np.where(np.radians(60.0) > INCIDENCES, 0.1 / 3.0, 0.9 / 5.0)
+QUARTER = 0.15  # of a depth: a rounding need be no quarter circle, a chamfer not flat
+# A pixel sees a point or so many columns of the line, all alike likely, and returns from such a fill on. A sensor that
+# needs much more than half of a pixel's light mostly loses columns all over a face, by speckle.
+FOOTPRINTS, FILLS = np.array([0.5, 0.75, 1.0, 1.25, 1.5]), np.array([0.1, 0.3, 0.5])
+NO_LIGHT = 0.1  # probability that a recorded brightness does not count the light of a pixel
+# Columns of the lower surface that return beyond its edge, where the view reaches under the plate.
+ONWARD = np.array([0.0, 0.5, 1.0, 2.0, 4.0])
+WITHIN = np.array([-0.8, -0.4, 0.0, 0.4, 0.8])  # places within a pixel
+PLACE_MM, TURN_MM, BOW_MM = 0.3, 0.3, 0.05  # by which the line and a bow may lie off the face without a break
+ROUNDING = 1e-9  # mm; pixels and places within a column meet in their ends: no digit may tell on which side
+ABOVE, FREE_MM = 3.0, 1.0  # standard deviations of a depth; mm, by which one tells nothing
+
+
+class EndTemplates(NamedTuple):
+    """T ends of a face: a sharp one first, roundings, chamfers."""
+
+    log_prior: Shaped[Float, " t"]
+    size_mm: Shaped[Float, " t"]  # radius of a rounding, height of a chamfer
+    turn: Shaped[Float, " t"]  # of a chamfer from the face, rad; 0: no chamfer
+
+    def of(self, which: Int) -> EndTemplates:
+        """Some of them; the sharp one keeps its share, the others theirs together."""
+        log = self.log_prior[which]
+        some, every = np.exp(log[1:]).sum(), np.exp(self.log_prior[1:]).sum()
+        log[1:] += math.log(every / some) if some > 0.0 else 0.0
+        return EndTemplates(log, self.size_mm[which], self.turn[which])
+
+    def finer(self, likely: Bool, step: float) -> EndTemplates:
+        """The sharp end, and the `likely` (t,) others cut in three by size, a `step` of its logarithm, and by turn."""
+        third = np.array([-1.0, 0.0, 1.0]) / 3.0
+        out = [(self.log_prior[:1], self.size_mm[:1], self.turn[:1])]
+        for turned, turns in ((False, np.zeros(1)), (True, third * (TURNS[1] - TURNS[0]))):
+            of = np.flatnonzero(likely & (self.size_mm > 0.0) & ((self.turn > 0.0) == turned))
+            which, size, turn = (a.ravel() for a in np.meshgrid(of, third * step, turns, indexing="ij"))
+            parts = third.size * turns.size
+            out.append(
+                (self.log_prior[which] - math.log(parts), self.size_mm[which] * np.exp(size), self.turn[which] + turn)
+            )
+        return EndTemplates(*(np.concatenate(column) for column in zip(*out, strict=True)))
+
+
+def end_templates(prior: EdgePrior) -> EndTemplates:
+    """All that a prior holds possible."""
+    sizes = np.geomspace(prior.least_mm, prior.most_mm, SIZES)
+    usual = np.minimum(1.0, (RARE_MM / sizes) ** 3)
+    usual /= usual.sum()
+    size = np.concatenate([[0.0], sizes, np.tile(sizes, TURNS.size)])
+    turn = np.concatenate([np.zeros(1 + SIZES), np.repeat(TURNS, SIZES)])
+    share = np.concatenate(
+        [[prior.sharp], prior.rounded * usual, np.tile(prior.chamfered * usual / TURNS.size, TURNS.size)]
+    )
+    with np.errstate(divide="ignore"):
+        return EndTemplates(np.log(share), size, turn)
+
+
+class Depths(NamedTuple):
+    """What the last returns of a face lie under its line, by groups of columns from the last one on."""
+
+    mean: Shaped[Float, " g"]  # mm
+    noise: Shaped[Float, "g g"]  # covariance by noise and what patterns of the sensor may feign
+    # covariance of what says nothing of a rounding: the line's own place and turn, and a bow
+    free: Shaped[Float, "g g"]
+
+
+def free_depths(edges_mm: Shaped[Float, " g1"]) -> Shaped[Float, "g g"]:
+    """Covariance of what says nothing of a break, between groups of columns: the line's place and turn, and a bow."""
+    middle = 0.5 * (edges_mm[1:] + edges_mm[:-1])
+    t = 2.0 * middle / edges_mm[-1] - 1.0
+    shapes = np.stack([np.ones_like(t), t, t * t - 1.0 / 3.0], axis=1) * [PLACE_MM, TURN_MM, BOW_MM]
+    return np.asarray(shapes @ shapes.T)
+
+
+class EndView(NamedTuple):
+    """What one pass shows of the end: depths by groups of columns before the last return."""
+
+    known: Depths
+    edges_mm: Shaped[Float, " g1"]
+    inclination: float  # of the face to the rays' normal, rad; negative: its end is the nearer one
+    step_mm: float
+    phases: Shaped[Float, "p q"]  # places of the end within its column; p alike likely, each the mean over q
+    further: float  # columns beyond the line's end in which returns go on, on average
+    usually_further: float  # the same in the lower quartile of the frames
+    darkness: float | None = None  # light that the sensor asks for, of what the face returns; None: not recorded
+
+    @property
+    def pixels(self) -> tuple[Shaped[Float, "k 2"], Shaped[Float, " k"]]:
+        """Columns by which a pixel's middle may lie beyond the end, and half of what it sees; and their shares.
+
+        Where the darkness is known, a pixel returns from this fill on.
+        """
+        fills, shares = FILLS, np.full(FILLS.size, 1.0 / FILLS.size)
+        if self.darkness is not None:
+            fills, shares = np.append(fills, self.darkness), np.append(NO_LIGHT * shares, 1.0 - NO_LIGHT)
+        wide, fill = (a.ravel() for a in np.meshgrid(FOOTPRINTS, fills, indexing="ij"))
+        seen = np.stack([wide * (0.5 - fill), 0.5 * wide], axis=1)
+        prior = np.append(1.0, np.tile(shares, FOOTPRINTS.size)) / (1.0 + FOOTPRINTS.size)
+        return np.concatenate([np.zeros((1, 2)), seen]), prior
+
+
+def end_phases(moving: bool) -> Float:
+    """Places (p, q) of the end within its column; p alike likely, each the mean over q: all in turn where it moves."""
+    return (np.arange(12.0)[None] + 0.5) / 12.0 if moving else (np.arange(6.0)[:, None] + 0.5) / 6.0
+
+
+class SeenEnd(NamedTuple):
+    """T templates as one pass sees them."""
+
+    log: Shaped[Float, " t"]  # log-likelihood of the depths
+    beyond: Shaped[Float, " t"]  # of the virtual edge from where the returns on the line end, mm: mean
+    beyond_u: Shaped[Float, " t"]  # and standard deviation, by what the sensor still returns
+    fall: Shaped[Float, "t g"]  # depth under the line by groups of columns, mm
+
+
+def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
+    """Every template under every greatest incidence, place within the column and pixel, averaged over these three.
+
+    And over how far the lower surface returns, where it does.
+    """
+    pixels, pixel_prior = view.pixels
+    under = 0.5 * math.pi + view.inclination < INCIDENCES  # the lower surface returns
+    onward = (ONWARD if under[-1] else ONWARD[:1]) * view.step_mm
+    kept = INCIDENCE_PRIOR * np.clip((INCIDENCES - view.inclination) / STEP + 0.5, 1e-6, 1.0)  # the face returns
+    log = np.full((templates.size_mm.size, under.size, onward.size), -np.inf)
+    log[:, under] = np.log(kept / kept.mean())[under, None]
+    log[:, ~under, 0] = np.log(kept / kept.mean())[~under] + math.log(onward.size)
+    size, turn = templates.size_mm[:, None, None], templates.turn[:, None, None]
+    shown = _shown_mm(view, size, turn, INCIDENCES[:, None]) + onward
+    # Where nothing of a break is seen, returns are those of a sharp end in the same place.
+    is_seen = (shown > 0.0) & np.isfinite(log)
+    is_seen[0, 0, 0] = True
+    look = np.zeros(shown.shape, np.int64)
+    look[is_seen] = np.arange(is_seen.sum())
+    looks = [np.broadcast_to(of, shown.shape)[is_seen] for of in (size, turn, INCIDENCES[:, None], onward)]
+    one = _looked(view, looks, np.log(pixel_prior), pixels[:, 0] * view.step_mm)
+    log += one.log[look]
+    goes_on = size + onward > 0.0
+    beyond = np.where(goes_on, size - shown + view.further * view.step_mm, 0.0) - one.past[look]
+    beyond_u = np.hypot(
+        np.where(goes_on, QUARTER * (size - shown), view.usually_further * view.step_mm), one.past_u[look]
+    )
+    most = log.max(axis=(1, 2), keepdims=True)
+    weight = np.exp(log - most)
+    total = weight.sum(axis=(1, 2), keepdims=True)
+    weight /= total
+    mean = (weight * beyond).sum(axis=(1, 2))
+    spread = np.sqrt((weight * ((beyond - mean[:, None, None]) ** 2 + beyond_u**2)).sum(axis=(1, 2)))
+    evidence = (most + np.log(total / (under.size * onward.size)))[:, 0, 0]
+    return SeenEnd(evidence, mean, spread, np.einsum("tio,tiog->tg", weight, one.fall[look]))
+
+
+class _Looked(NamedTuple):
+    """V templates at one incidence each, averaged over the pixels and the places of the end within its column."""
+
+    log: Shaped[Float, " v"]  # log-likelihood of the depths
+    past: Shaped[Float, " v"]  # how far the last return lies beyond the end of the returns, mm: mean
+    past_u: Shaped[Float, " v"]  # and standard deviation
+    fall: Shaped[Float, "v g"]
+
+
+def _looked(view: EndView, looks: list[Float], log_prior: Float, past: Float) -> _Looked:
+    """looks (v,): size, turn, incidence and how far the lower surface returns; of k pixels the prior, and the way past.
+
+    As `seen_end` has them.
+    """
+    shape = looks[0].size, past.size, len(view.phases)
+    of, pixel, phase = (np.ravel(one) for one in np.indices(shape))
+    size, turn, incidence, onward = (one[of] for one in looks)
+    fall, raised = rendered_end(view, size, turn, incidence, pixel, phase, onward)
+    seen, score = fall - raised, np.empty(of.size)
+    covariance = view.known.noise + view.known.free
+    # Above what any end shows lies the last pixel where a sheet of light is cut askew: of a break it tells nothing.
+    if seen[:, 0].min() - view.known.mean[0] > ABOVE * math.sqrt(view.known.noise[0, 0]):
+        covariance[0, 0] += FREE_MM**2
+    _log_likelihoods(view.known.mean, covariance, seen, QUARTER * fall, score)
+    log = score.reshape(shape) + log_prior[:, None]
+    most = log.max(axis=(1, 2), keepdims=True)
+    weight = np.exp(log - most)
+    total = weight.sum(axis=(1, 2), keepdims=True)
+    weight /= total
+    by_pixel = weight.sum(axis=2)
+    mean = by_pixel @ past
+    spread = np.sqrt((by_pixel * (past - mean[:, None]) ** 2).sum(axis=1))
+    evidence = (most + np.log(total / (shape[1] * shape[2])))[:, 0, 0]
+    return _Looked(evidence, mean, spread, np.einsum("vkp,vkpg->vg", weight, seen.reshape(*shape, -1)))
+
+
+def _shown_mm(view: EndView, size: Float, turn: Float, incidence: Float) -> Float:
+    """How far along the line templates are seen: arcs to the greatest incidence, chamfers whole or not at all."""
+    lean = view.inclination
+    last = np.clip(incidence - lean, 0.0, math.pi / 2.0)  # turn of the circle where it is lost
+    arc = np.sin(last) - (1.0 - np.cos(last)) * math.tan(lean)
+    flat = np.where(turn + lean < incidence, 1.0 - np.tan(turn) * math.tan(lean), 0.0)
+    return np.asarray(size * np.where(turn == 0.0, arc, flat))
+
+
+def rendered_end(
+    view: EndView, size: Float, turn: Float, incidence: Float, pixel: Int, phase: Int, onward: Float
+) -> tuple[Float, Float]:
+    """Depths (n, g) of n templates by groups of columns, and how far part-filled pixels return above them (n, g); mm.
+
+    A quarter circle of radius R leaves the line and is seen up to where its normal stands at the greatest incidence to
+    the ray (eq. (12)); a chamfer to its end (eq. (12a)), or not at all. A pixel returns the mean depth of what it sees:
+    of one that the end fills in part, that lies before its middle.
+    """
+    lean, column, pixels = view.inclination, view.step_mm, view.pixels[0]
+    round_, seen = turn == 0.0, turn + lean < incidence
+    shown = _shown_mm(view, size, turn, incidence)
+    width = np.diff(view.edges_mm)
+    wide = width > 1.5 * column
+    within = np.where(wide[:, None], 0.5 * width[:, None], view.phases[:, None, :] * width[:, None])
+    place = view.edges_mm[None, :-1, None] + within  # (p, g, q) before the last return
+    falls = np.where(seen & ~round_, np.tan(turn) / np.maximum(1.0 - np.tan(turn) * math.tan(lean), 1e-3), 0.0)
+    known = np.stack([np.where(round_, size, 0.0), shown + onward, falls, shown, size], axis=1)
+    depth = np.zeros((size.size, width.size))
+    _depths(known, phase, pixel, place, pixels * column, lean, depth)
+    before = place - column * pixels[:, 0, None, None, None]
+    half = column * pixels[:, 1, None, None, None]
+    raised = (0.5 * np.maximum(half - before, 0.0)).mean(axis=3)[pixel, phase] * (math.sin(lean) * math.cos(lean))
+    return depth, raised
+
+
+@kernel
+def _depths(known: Float, phase: Int, pixel: Int, place: Float, pixels: Float, lean: float, out: Float) -> None:
+    """Fill in depths (n, g) under the line of n templates, known (n, 5).
+
+    These are the radius or 0, what is seen, the fall of a chamfer, where the lower surface begins, and the size.
+
+    place (p, g, q): of the pixels' middles before the last return; pixels (k, 2): how far they reach, half their width.
+    """
+    sine, cosine = math.sin(lean), math.cos(lean)
+    for n in range(len(known)):
+        radius, shown, falls, under, size = known[n]
+        past, half = pixels[pixel[n]]
+        for g in range(place.shape[1]):
+            total, count = 0.0, 0
+            for q in range(place.shape[2]):
+                middle = place[phase[n], g, q] - past
+                if middle - half > shown + ROUNDING:
+                    count += WITHIN.size
+                    continue
+                for offset in WITHIN:
+                    w = middle + offset * half
+                    if w >= -ROUNDING:
+                        count += 1
+                        on = max(shown - w, 0.0)
+                        if on > under + ROUNDING:
+                            total += (size - on) * cosine / sine
+                        elif radius > 0.0 and on > 0.0:
+                            turn = min(on / radius * cosine + sine, 1.0)
+                            total += radius * (1.0 - math.sqrt(1.0 - turn * turn) * cosine - turn * sine)
+                        else:
+                            total += falls * on
+            out[n, g] = total / max(count, 1)
+            if total == 0.0 and place[phase[n], g, 0] - past - half > shown + ROUNDING:
+                break  # further in lies the face
+
+
+@kernel
+def _log_likelihoods(mean: Float, covariance: Float, expected: Float, u: Float, out: Float) -> None:
+    """Fill in those (s,) of means (g,) with a covariance (g, g), by what is expected (s, g), each with its own u.
+
+    Shapes reach from the last returns inwards: behind them nothing is expected, without u. The Cholesky rows of what
+    lies there stand first, and are kept from shape to shape: 1 / the diagonal, on it.
+    """
+    size = len(mean)
+    lower, white = np.zeros((size, size)), np.empty(size)
+    squares, root = np.zeros(size + 1), np.ones(size + 1)  # sums of rows; products of what is on the diagonal
+    same = 0  # rows behind the last shape
+    for n in range(len(expected)):
+        behind = size
+        for i in range(size):
+            if u[n, i] != 0.0 or expected[n, i] != 0.0:
+                behind = size - 1 - i
+        for i in range(min(same, behind), size):  # Cholesky, and the forward substitution with it
+            row = size - 1 - i
+            for j in range(i + 1):
+                rest = covariance[row, size - 1 - j]
+                for k in range(j):
+                    rest -= lower[i, k] * lower[j, k]
+                lower[i, j] = rest * lower[j, j] if j < i else 1.0 / math.sqrt(rest + u[n, row] ** 2)
+            rest = mean[row] - expected[n, row]
+            for k in range(i):
+                rest -= lower[i, k] * white[k]
+            white[i] = rest * lower[i, i]
+            squares[i + 1], root[i + 1] = squares[i] + white[i] ** 2, root[i] * lower[i, i]
+        same = behind
+        out[n] = math.log(root[size]) - 0.5 * squares[size]

@@ -24,8 +24,12 @@ from workbench.stage import Stage
 
 DIRECTORY, PICTURES = Path("docs/stages"), "pictures"
 NOTE = "<!-- This page and those of the stages are written by scripts.stage_pages -->"
-READING = """Each page has what its stage takes and makes, and its parameters: default (none: required), type, range,
-meaning; names end in their units. In a pipeline: `{"stage": NAME, PARAMETER: VALUE}` ([pipelines](../pipelines.md))."""
+READING = """A page says what its stage takes and makes, how it does so, and which parameters it has, each with default
+(none: required), type, range and meaning. The end of a parameter's name is its unit; `null` means "not given"; a path
+starts at the pipeline's folder, or at the working directory in Python. In a pipeline a stage stands as
+`{"stage": NAME, PARAMETER: VALUE}` ([pipelines](../pipelines.md)); in Python it is a function, as the page's example
+shows. Input that cannot be used is refused with one line that names the cause (exit status 2, in Python an
+`InputError`); `workbench stages NAME` lists the causes."""
 IMPLIED = {"number", "integer", "text", "true or false", "[number, number]", "[number, number, number]", "object"}
 EXAMPLE = re.compile(r"^Example:\n((?: +.*\n?|\n)+)", re.MULTILINE)
 RAISES = re.compile(r"^Raises:\n((?: +.*\n?)+)", re.MULTILINE)
@@ -65,7 +69,7 @@ def page(stage: Stage, told: Mapping[str, str], directory: Path = DIRECTORY) -> 
     parts = [
         f"# `{stage.name}`",
         f"**Takes** {takes or 'no artefact'}. **Makes** {makes(stage)}.",
-        _markdown(EXAMPLE.sub("", prose(stage)).strip()),
+        _linked(re.sub(r"\n{3,}", "\n\n", RAISES.sub("", EXAMPLE.sub("", prose(stage)))).strip()),
     ]
     if parameters := parameter_texts(stage):
         parts += ["## Parameters", "\n".join(_items(parameters, stage.name, told))]
@@ -92,17 +96,6 @@ def picture(name: str, directory: Path) -> list[str]:
         return []
     title = TITLE.findall(drawn.read_text(encoding="utf-8"))[0]
     return [f"![]({PICTURES}/{drawn.name})\n\n*{html.unescape(title)}.*"]
-
-
-def _markdown(text: str) -> str:
-    """A docstring with its list of errors as one paragraph at the end, the pages that it names as links."""
-    errors = RAISES.search(text)
-    if not errors:
-        return _linked(text)
-    entries = re.split(r"\n(?=\w)", textwrap.dedent(errors[1]).strip())
-    told = " ".join(_line(one).removeprefix("InputError: ").rstrip(".") + "." for one in entries)
-    head = re.sub(r"\n{3,}", "\n\n", RAISES.sub("", text)).strip()
-    return f"{_linked(head)}\n\n**Refused:** {told}"
 
 
 def _items(parameters: Iterable[ParameterText], here: str, told: Mapping[str, str]) -> list[str]:

@@ -15,6 +15,7 @@ from workbench.plugins.stiffness.stability import (
     mean_direction,
     milling,
     screened,
+    spectral_radius,
 )
 
 W = 2 * np.pi * 922.0
@@ -29,6 +30,10 @@ def test_spectral_radius_is_the_published_one(way: int) -> None:
     cut = milling((600.0, 200.0, 0.0), 2, 10.0, 10.0, 0.0, 5000.0)[way]
     found = Judge(DING, cut).radius(np.array(list(PUBLISHED)))
     assert np.allclose(found, list(PUBLISHED.values()), rtol=0.005)
+
+
+def test_eigenvalues_of_one_size_that_arpack_does_not_part() -> None:
+    assert spectral_radius(np.roll(np.eye(80), 1, axis=0)) == pytest.approx(1.0)
 
 
 def test_the_limit_is_where_the_radius_is_one() -> None:

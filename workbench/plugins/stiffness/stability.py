@@ -181,9 +181,17 @@ class Judge:
         own, late = whole @ (self.free + at_start @ self.seen), np.concatenate([at_start, at_end], axis=3)
         steps = np.concatenate([own, -whole @ late], axis=3)
         maps = _period(steps, self.seen)
-        begin = np.cos(np.arange(maps.shape[1]) ** 2)
-        roots = [scipy.sparse.linalg.eigs(one, 1, v0=begin, tol=EXACT, return_eigenvectors=False) for one in maps]
-        return np.asarray(np.abs(roots))[:, 0]
+        return np.array([spectral_radius(one) for one in maps])
+
+
+def spectral_radius(square: Float) -> float:
+    """The spectral radius; of all eigenvalues where ARPACK does not settle on one."""
+    begin = np.cos(np.arange(len(square)) ** 2)  # else random, and no run would give the last one's bytes
+    try:
+        roots = scipy.sparse.linalg.eigs(square, 1, v0=begin, tol=EXACT, return_eigenvectors=False)
+    except scipy.sparse.linalg.ArpackNoConvergence:
+        roots = np.linalg.eigvals(square)
+    return float(np.abs(roots).max())
 
 
 def _period(steps: Float, seen: Float) -> Float:

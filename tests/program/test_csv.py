@@ -2,8 +2,10 @@
 
 import csv as comma_separated
 import io
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from workbench.program import csv
 
@@ -38,3 +40,9 @@ def test_read_back_the_points_are_the_same() -> None:
 def test_nothing_is_written_for_a_path_that_failed_its_checks() -> None:
     path = mill_path(Shape(length_mm=10))
     assert csv(path, rejected(path)) is None
+
+
+@pytest.mark.parametrize(("loosened", "written"), [("SHAPE ONLY: nothing shows it", True), ("penetration_mm 2", False)])
+def test_a_shape_is_written_and_a_path_with_a_weaker_check_is_not(loosened: str, written: bool) -> None:
+    path = mill_path(Shape(length_mm=10))
+    assert (csv(path, replace(passed(path), loosened=(loosened,))) is not None) is written

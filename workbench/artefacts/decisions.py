@@ -179,6 +179,11 @@ class Gate:
         return any(text.startswith(SHAPE_ONLY) for text in self.loosened)
 
     @property
+    def only_place_open(self) -> bool:
+        """Passed, with every check in full force but that of where the part stands."""
+        return self.passed and all(text.startswith(SHAPE_ONLY) for text in self.loosened)
+
+    @property
     def verdict(self) -> Verdict:
         """Of the report's first page: `pass` only where the exit status is 0."""
         return "fail" if not self.passed else "undecided" if self.loosened else "pass"

@@ -20,7 +20,8 @@ def csv(toolpath: Toolpath, gate: PathGate, cell: RobotCell | None = None) -> Do
     """Every point of the path, before simplification, as a row of `toolpath.csv`.
 
     In mm and mm/s, unit quaternions w x y z, in the frame of the path; cutting and measured are 1 or 0. Between layers
-    the layer is 0 and the arc length empty. Nothing is written where the gate rejects the path or a check was loosened.
+    the layer is 0 and the arc length empty. Nothing is written where the gate rejects the path or a check was loosened; of
+    a shape only the table is written, as `toolpath.json` is, and the exit status stays 1.
 
     Args:
         toolpath: the path.
@@ -33,10 +34,10 @@ def csv(toolpath: Toolpath, gate: PathGate, cell: RobotCell | None = None) -> Do
     Example:
         >>> from workbench import path, program
         >>> plan = path.read(toolpath="data/synthetic/paths/raw_arc.json")
-        >>> program.csv(plan, path.check_file(plan)) is None  # a shape only: nothing shows where it lies
-        True
+        >>> program.csv(plan, path.check_file(plan)).name
+        'toolpath.csv'
     """
-    if not released("program.csv", toolpath, gate, cell) or gate.loosened:
+    if not (released("program.csv", toolpath, gate, cell) and gate.only_place_open):
         return None
     out = io.StringIO(HEADER + "\r\n")
     out.seek(0, io.SEEK_END)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -194,14 +195,17 @@ class Study:
         for heading, columns, of in self.tables:
             rows = [[str(cell(c)) for _, cell in columns] for c in every if of is None or of(c)]
             lines += [f"### {heading}", "", *markdown([head for head, _ in columns], rows), ""] if rows else []
-        causes = list(self.causes(every))
-        return "\n".join([*lines, *causes, *[""] * bool(causes), not_met(self.short(every))])
+        if causes := list(self.causes(every)):
+            head = ("condition", "outcome", "parts", "first seed", "its cause")
+            first = re.split(r"[:,;(]", self.tables[0][0])[0].lower()
+            lines += [f"### First causes in {first}", "", *markdown(head, causes), ""]
+        return "\n".join([*lines, not_met(self.short(every))])
 
-    def causes(self, every: Iterable[Condition]) -> Iterator[str]:
+    def causes(self, every: Iterable[Condition]) -> Iterator[tuple[str, str, str, str, str]]:
         for c in every:
             for name in self.outcomes:
                 if found := c.having(name):
-                    yield f"- {c.name}: {len(found)} {name}, the first (seed {found[0]['seed']}): {found[0][name]}"
+                    yield c.name, name, str(len(found)), str(found[0]["seed"]), str(found[0][name])
 
 
 def marked(value: float, goal: float | None, digits: int = 3) -> str:

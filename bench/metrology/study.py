@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -21,6 +20,7 @@ from workbench.units import Float
 Row = dict[str, Any]  # of a part: `condition`, `seed` and what was measured; or `refused`, or `crashed`, in one line
 Task = tuple[str, int]  # condition, seed
 COVERAGE = (0.93, 0.97)  # of |error| <= 2u
+CAUSES = "| condition | outcome | parts | first seed | its cause |\n| --- | --- | --- | --- | --- |"
 RESAMPLES, LEAST_PARTS = 2000, 10  # with fewer parts, resampling them says nothing about the interval
 
 
@@ -195,17 +195,15 @@ class Study:
         for heading, columns, of in self.tables:
             rows = [[str(cell(c)) for _, cell in columns] for c in every if of is None or of(c)]
             lines += [f"### {heading}", "", *markdown([head for head, _ in columns], rows), ""] if rows else []
-        if causes := list(self.causes(every)):
-            head = ("condition", "outcome", "parts", "first seed", "its cause")
-            first = re.split(r"[:,;(]", self.tables[0][0])[0].lower()
-            lines += [f"### First causes in {first}", "", *markdown(head, causes), ""]
+        causes = [
+            f"| {c.name} | {name} | {len(found)} | {found[0]['seed']} | {found[0][name]} |"
+            for c in every
+            for name in self.outcomes
+            if (found := c.having(name))
+        ]
+        if causes:
+            lines += [f"### First causes in {self.tables[0][0]}", "", CAUSES, *causes, ""]
         return "\n".join([*lines, not_met(self.short(every))])
-
-    def causes(self, every: Iterable[Condition]) -> Iterator[tuple[str, str, str, str, str]]:
-        for c in every:
-            for name in self.outcomes:
-                if found := c.having(name):
-                    yield c.name, name, str(len(found)), str(found[0]["seed"]), str(found[0][name])
 
 
 def marked(value: float, goal: float | None, digits: int = 3) -> str:

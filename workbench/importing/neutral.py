@@ -7,8 +7,8 @@ N frames of M columns, K poses. Lengths in mm, times in s; profiler frame and ba
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -103,26 +103,28 @@ class Grid(NamedTuple):
 
     x_mm: Float32
     z_mm: Float32
-    intensity: AnyArray | None
     note: str  # how ragged frames were laid out; '' where none was ragged
+    intensity: AnyArray | None = None
 
 
 class Points:
     """Points in the order of a file, added stretch by stretch; then the grid."""
 
     def __init__(self) -> None:
-        self._columns: tuple[list[AnyArray], ...] = ([], [], [])  # x, z, intensity
+        self._columns: dict[str, AnyArray] = {}
         self._starts: list[Int] = []
         self.rows = self.frames = 0
 
     def add(self, x_mm: Float32, z_mm: Float32, starts: Int, intensity: AnyArray | None = None) -> None:
         """Points (r,), and at which of them frames begin; a frame may be of no points."""
-        for kept, values in zip(self._columns, (x_mm, z_mm, intensity), strict=True):
-            if values is not None:
-                kept.append(values)
         self._starts.append(starts + self.rows)
         self.rows += len(x_mm)
         self.frames += len(starts)
+        for name, values in (("x_mm", x_mm), ("z_mm", z_mm), ("intensity", intensity)):
+            if values is not None:
+                whole = self._columns.setdefault(name, np.empty(0, values.dtype))
+                whole.resize(self.rows, refcheck=False)  # in place: tens of millions of points are not copied
+                whole[self.rows - len(values) :] = values
 
     def gridded(self, where: str, *, by_spacing: bool = True) -> Grid:
         """The grid; the points are gone from here afterwards.
@@ -132,55 +134,76 @@ class Points:
         False, points are counted from column 0.
         """
         ends = np.append(np.concatenate(self._starts), self.rows)
-        x, z, light = (self._taken(k) for k in range(3))
+        points, self._columns = self._columns, {}
         counts = np.diff(ends)
         if counts.min() == counts.max():
-            shape = (len(counts), int(counts[0]))
-            return Grid(x.reshape(shape), z.reshape(shape), light.reshape(shape) if len(light) else None, "")
+            shape = len(counts), int(counts[0])
+            return Grid(note="", **{name: values.reshape(shape) for name, values in points.items()})
         if len({*np.unique(counts)} - {0}) == 1:  # frames without returns apart, all are alike
             by_spacing = False
-        elif not (seen := np.isfinite(x) & np.isfinite(z)).all():
+        elif not (seen := np.isfinite(points["x_mm"]) & np.isfinite(points["z_mm"])).all():
             ends = np.append(0, np.cumsum(seen))[ends]
             counts = np.diff(ends)
-            x, z, light = x[seen], z[seen], light[seen] if len(light) else light
+            points = {name: values[seen] for name, values in points.items()}
         note = f"frames of {counts.min()} to {counts.max()} points: columns "
-        columns = _by_spacing(x, ends) if by_spacing else None
-        note += "counted from each frame's first point" if columns is None else "by the gaps in x"
-        columns = columns or [np.arange(count) for count in counts]
-        width = max(int(each.max(initial=0)) for each in columns) + 1
+        place, width = _counted, int(counts.max())
+        if by_spacing and (spacing := Spacing.of(points["x_mm"], ends)) is not None:
+            place, width = spacing.columns, spacing.width
+        note += "counted from each frame's first point" if place is _counted else "by the gaps in x"
         if len(counts) * width > max(FEW_CELLS, MOST_EMPTY * self.rows):
             raise InputError(where, f"expected frames of alike length, found {counts.min()} to {counts.max()} points")
-        x_mm, z_mm = (_filled(columns, width, ends, values) for values in (x, z))
-        return Grid(x_mm, z_mm, _filled(columns, width, ends, light) if len(light) else None, note)
-
-    def _taken(self, k: int) -> AnyArray:
-        """A column of the points as a whole, which is gone from here; none is empty."""
-        whole = np.concatenate(self._columns[k] or [np.zeros(0, np.float32)])
-        self._columns[k].clear()
-        return whole
+        return Grid(note=note, **_filled(points, ends, width, place))
 
 
-def _by_spacing(x_mm: Float32, ends: Int) -> list[AnyArray] | None:
-    """Columns of the points of each frame, a gap of k usual spacings leaving k - 1 free; None where gaps tell nothing.
+def _blocks(ends: Int) -> Iterator[tuple[slice, slice, Int]]:
+    """Frames, their points, and how many each has, block by block."""
+    for at in range(0, len(ends) - 1, BLOCK_FRAMES):
+        block = ends[at : at + BLOCK_FRAMES + 1]
+        yield slice(at, at + len(block) - 1), slice(block[0], block[-1]), np.diff(block)
 
-    Columns are alike for alike x in all frames, x of points from `ends[k]` to `ends[k + 1]` in frame k running one way.
-    """
-    inside = np.ones(min(len(x_mm), PITCH_POINTS), bool)
-    inside[ends[ends < len(inside)]] = False
-    pitch = _usual(np.diff(x_mm[: len(inside)].astype(float))[inside[1:]])
-    if pitch is None:
-        return None
-    origin = float((x_mm[ends[:-1][np.diff(ends) > 0]] / pitch).min())
-    columns: list[AnyArray] = []
-    for first, last in pairwise(ends.tolist()):
-        at = x_mm[first:last].astype(float) / pitch
-        step = np.diff(at)
-        if (step <= 0).any():
+
+def _counted(x_mm: Float32, counts: Int) -> Int:
+    """Columns of the points of some frames, counted from 0 in each."""
+    return np.arange(len(x_mm)) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
+class Spacing(NamedTuple):
+    """Columns by the gaps in x, alike for alike x in all frames: a gap of k usual spacings leaves k - 1 free."""
+
+    pitch_mm: float
+    origin: float  # least x of a first point, in pitches
+    width: int
+
+    @classmethod
+    def of(cls, x_mm: Float32, ends: Int) -> Spacing | None:
+        """Of points from `ends[k]` to `ends[k + 1]` in frame k; None where gaps tell nothing: x runs both ways."""
+        inside = np.ones(min(len(x_mm), PITCH_POINTS), bool)
+        inside[ends[ends < len(inside)]] = False
+        pitch_mm = _usual(np.diff(x_mm[: len(inside)].astype(float))[inside[1:]])
+        if pitch_mm is None:
             return None
-        start = np.round(at[:1] - origin)
-        columns.append(np.cumsum([*start, *np.maximum(1, np.round(step))]).astype(np.int32))
-    widest = max(int(each.max(initial=0)) for each in columns)
-    return columns if widest < MOST_WIDER * np.diff(ends).max() else None
+        counts = np.diff(ends)
+        plain = cls(pitch_mm, float((x_mm[ends[:-1][counts > 0]] / pitch_mm).min()), 0)
+        widest = 0
+        for _, points, count in _blocks(ends):
+            columns = plain.columns(x_mm[points], count)
+            last = np.cumsum(count)[count > 0] - 1
+            if (np.delete(np.diff(columns), last[:-1]) <= 0).any():
+                return None
+            widest = max(widest, int(columns[last].max(initial=0)))
+        return plain._replace(width=widest + 1) if widest < MOST_WIDER * counts.max() else None
+
+    def columns(self, x_mm: Float32, counts: Int) -> Int:
+        """Columns of the points of some frames; they don't rise where x turns back."""
+        at = x_mm.astype(float) / self.pitch_mm
+        step = np.diff(at, prepend=at[:1])
+        step = np.where(step > 0, np.maximum(1, np.round(step)), 0)
+        counts = counts[counts > 0]
+        first = np.cumsum(counts) - counts
+        step[first] = 0
+        way = np.cumsum(step)
+        start = np.round(at[first] - self.origin)
+        return np.asarray(way + np.repeat(start - way[first], counts), int)
 
 
 def _usual(step_mm: Float) -> float | None:
@@ -198,12 +221,24 @@ def _usual(step_mm: Float) -> float | None:
     return pitch
 
 
-def _filled(columns: list[AnyArray], width: int, ends: Int, values: AnyArray) -> AnyArray:
-    """Points put into their columns, frame by frame; empty cells are NaN, or 0 of whole numbers."""
-    grid = np.full((len(columns), width), np.nan if values.dtype.kind == "f" else 0, values.dtype)
-    for row, column, first, last in zip(grid, columns, ends[:-1], ends[1:], strict=True):
-        row[column] = values[first:last]
-    return grid
+def _filled(
+    points: dict[str, AnyArray], ends: Int, width: int, place: Callable[[Float32, Int], Int]
+) -> dict[str, AnyArray]:
+    """Points put into their columns, from the last frames on; empty cells are NaN, or 0 of whole numbers.
+
+    Points are gone from memory once they are in the grid: both together would be twice as much.
+    """
+    shape = len(ends) - 1, width
+    grids = {name: np.empty(shape, values.dtype) for name, values in points.items()}
+    for frames, some, counts in reversed([*_blocks(ends)]):
+        row = np.repeat(np.arange(len(counts)), counts)
+        column = place(points["x_mm"][some], counts)
+        for name, values in points.items():
+            block = grids[name][frames]
+            block[:] = np.nan if values.dtype.kind == "f" else 0
+            block[row, column] = values[some]
+            values.resize(some.start, refcheck=False)
+    return grids
 
 
 def bounded(lengths_mm: Float) -> Float32:

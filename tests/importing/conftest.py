@@ -111,6 +111,22 @@ def imported(tmp_path: Path) -> Callable[..., Recording]:
     return made
 
 
+@pytest.fixture
+def shop(tmp_path: Path, imported: Callable[..., Recording], mapped: Callable[..., Path]) -> Callable[..., Recording]:
+    """`shop(profiles, poses, convention, ...)`: recordings as a scanner's and a robot's file, imported together.
+
+    Parts of the mapping may be others; `profiles` and `poses` of them are what such files are, changed.
+    """
+
+    def made(scan: Recording, robot: Recording, convention: str = "quaternion_wxyz", **parts: Any) -> Recording:
+        sources = write_profiles(tmp_path / "scan.csv", scan), write_poses(tmp_path / "robot.csv", robot, convention)
+        told = {"profiles": profiles_part(**parts.pop("profiles", {}))}
+        told |= {"poses": poses_part(convention, **parts.pop("poses", {}))}
+        return imported(*sources, mapping=mapped(**told, **parts))
+
+    return made
+
+
 @pytest.fixture(scope="session")
 def milled() -> Recording:
     return read(recording=SYNTHETIC / "milled_edge.h5")

@@ -83,25 +83,16 @@ def test_suspicions(case: str, tmp_path: Path, light: Recording, imported: Impor
         assert len(imported(*sources, mapping=mapped(**parts, accept=accepted)).time_s) == 30
 
 
-def test_degrees_declared_as_radians(tmp_path: Path, light: Recording, imported: Import, mapped: Mapped) -> None:
-    scan, robot = write_profiles(tmp_path / "scan.csv", light), write_poses(tmp_path / "robot.csv", light, "kuka_abc")
-    parts = {"profiles": profiles_part(), "poses": poses_part("kuka_abc", angle_unit="rad")}
+def test_degrees_declared_as_radians(light: Recording, shop: Import) -> None:
     with pytest.raises(InputError, match=r"an angle of 1\d\d\.\d+ rad is more than a turn: degrees declared as rad\?"):
-        imported(scan, robot, mapping=mapped(**parts))
+        shop(light, light, "kuka_abc", poses={"angle_unit": "rad"})
 
 
-def test_a_wrong_convention_turns_the_motion_into_the_laser_plane(
-    tmp_path: Path, light: Recording, imported: Import, mapped: Mapped
-) -> None:
+def test_a_wrong_convention_turns_the_motion_into_the_laser_plane(light: Recording, shop: Import) -> None:
     """Where the profiler moves along its own laser line, orientation or hand-eye is wrong: it would scan nothing."""
-    assert light.flange_from_profiler is not None
+    right = light.flange_from_profiler
+    assert right is not None
     quarter = np.array([[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
-    scan, robot = write_profiles(tmp_path / "scan.csv", light), write_poses(tmp_path / "robot.csv", light)
-    parts = {"profiles": profiles_part(), "poses": poses_part()}
-    for pose in (light.flange_from_profiler, light.flange_from_profiler @ quarter):
-        mapping = mapped(**parts, hand_eye={"flange_from_profiler": pose.tolist()})
-        if pose is light.flange_from_profiler:
-            imported(scan, robot, mapping=mapping)
-            continue
-        with pytest.raises(InputError, match="moves in its own laser plane"):
-            imported(scan, robot, mapping=mapping)
+    shop(light, light, hand_eye={"flange_from_profiler": right.tolist()})
+    with pytest.raises(InputError, match="moves in its own laser plane"):
+        shop(light, light, hand_eye={"flange_from_profiler": (right @ quarter).tolist()})

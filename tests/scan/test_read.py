@@ -6,6 +6,7 @@ import contextlib
 import importlib
 import os
 import random
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 
 from bench.fuzz.recordings import mutated_recording
+from workbench.artefacts import Recording
 from workbench.errors import InputError
 from workbench.scan import hdf5, read
 
@@ -75,27 +77,69 @@ def sphere(file: Any) -> None:
     file.create_group("sphere").attrs["diameter_mm"] = 25.4
 
 
+PACKED = {"compression": "gzip", "shuffle": True}
 FORMS = {
     "contiguous": {},
     "chunked": {"chunks": (5, 3)},
     "chunk of all frames": {"chunks": (12, 1)},
     "resizable": {"maxshape": (None, None)},
-    "gzip": {"compression": "gzip"},
-    "gzip and shuffle": {"compression": "gzip", "shuffle": True, "fletcher32": True, "chunks": (5, 7)},
+    "gzip": {"compression": "gzip", "chunks": (5, 7)},
+    "gzip and shuffle": PACKED | {"chunks": (5, 7)},
+    "one chunk": PACKED | {"chunks": (12, 7)},
+    "a frame a chunk": PACKED | {"chunks": (1, 7)},
+    "chunks across frames": PACKED | {"chunks": (5, 4)},
+    "with checksums": PACKED | {"chunks": (5, 7), "fletcher32": True},
     "lzf": {"compression": "lzf"},
 }
+
+
+def assert_is(good: dict[str, Any], got: Recording) -> None:
+    for name, field in hdf5.FIELDS.items():
+        values = getattr(got, name)
+        assert values.dtype == field.dtype
+        assert not values.flags.writeable
+        np.testing.assert_array_equal(values, good[field.path].astype(field.dtype))
 
 
 @pytest.mark.parametrize("storage", FORMS.values(), ids=FORMS)
 def test_a_good_recording_in_each_form(build: Build, good: dict[str, Any], storage: dict[str, Any]) -> None:
     path = build(**storage)
     got = read(recording=path)
-    for name, field in hdf5.FIELDS.items():
-        values = getattr(got, name)
-        assert values.dtype == field.dtype
-        assert not values.flags.writeable
-        np.testing.assert_array_equal(values, good[field.path].astype(field.dtype))
+    assert_is(good, got)
     assert (got.source, got.part.part_id, got.clock, got.sphere_diameter_mm) == (str(path), "A-7", "robot", None)
+
+
+def chunk(first: int, content: bytes, filter_mask: int = 0) -> Edit:
+    """Bytes in the place of a chunk of five frames of z."""
+    return lambda file: file["/profiles/z"].id.write_direct_chunk((first, 0), content, filter_mask=filter_mask)
+
+
+def packed_as(dtype: str) -> Edit:
+    """Another number format of z, in chunks of other frames than those of x."""
+    return lambda file: replace("/profiles/z", file["/profiles/z"][()], dtype=dtype, chunks=(4, 7), **PACKED)(file)
+
+
+def test_other_numbers_chunks_and_a_chunk_without_its_filters_are_read(build: Build, good: dict[str, Any]) -> None:
+    unfiltered = chunk(5, good["/profiles/z"][5:10].tobytes(), filter_mask=3)
+    for edit in (packed_as("<f4"), packed_as(">f4"), unfiltered):
+        assert_is(good, read(recording=build(edit, **FORMS["gzip and shuffle"])))
+    good["/profiles/z"] = good["/profiles/z"].astype("f2")
+    assert_is(good, read(recording=build(packed_as("f2"), **FORMS["gzip and shuffle"])))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"not deflated", "incorrect header check"),
+        (zlib.compress(bytes(5 * 7 * 4))[:-6], "expected a chunk of 140 bytes, found [0-9]+ without an end"),
+        (zlib.compress(bytes(5 * 7 * 4))[:-1], "found 140 without an end"),  # its checksum is cut off
+        (zlib.compress(bytes(10)), "found 10$"),
+        (zlib.compress(bytes(10**6)), "found 141"),  # unpacked no further than that
+    ],
+)
+def test_a_damaged_chunk_is_refused(build: Build, content: bytes, message: str) -> None:
+    with pytest.raises(InputError, match=rf"part\.h5: expected a complete HDF5 file: /profiles/z\[5\]: .*{message}"):
+        read(recording=build(chunk(5, content), **FORMS["gzip and shuffle"]))
 
 
 def test_blocks_of_frames_make_up_the_whole(

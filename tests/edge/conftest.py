@@ -14,8 +14,6 @@ from bench.drawn.plates import random_recipe
 from workbench.artefacts import Cloud, Edge
 from workbench.cloud import denoise
 from workbench.edge import segment
-from workbench.edge.faces import TrackedFaces, find_faces
-from workbench.edge.measure import Measured, measure_edge
 from workbench.scan import fuse
 from workbench.synthetic import Recipe, Truth, parse_recipe, simulate_recording
 
@@ -27,14 +25,6 @@ class Scan:
     recipe: Recipe
     cloud: Cloud
     truth: Truth
-
-    @functools.cached_property
-    def tracked(self) -> TrackedFaces:
-        return find_faces(self.cloud, 1.5, 40.0)
-
-    @functools.cached_property
-    def measured(self) -> Measured:
-        return measure_edge(self.cloud, self.tracked)
 
     @functools.cached_property
     def edge(self) -> Edge:

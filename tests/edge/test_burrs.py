@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +10,7 @@ import numpy as np
 import pytest
 
 from bench.score.measure import one
-from workbench.edge.measure import measure_edge
 from workbench.edge.steps import readings
-from workbench.errors import InputError
 
 Scans = Callable[..., Any]
 BURR = {"edge": "lower", "from_mm": 20.0, "to_mm": 30.0, "height_mm": 0.4, "width_mm": 0.5}
@@ -54,13 +51,6 @@ def test_burrs_that_stand_out_of_a_third_of_an_edge_turn_no_bevel_angle(tmp_path
     bevel = one(("worn", "swept", 8950005, tmp_path, "product")).found["bevel_deg"]
     assert (np.abs(bevel.error) < 3.0 * bevel.u).all()
     assert np.abs(bevel.error).max() < 0.5  # 4.4 where they turn it
-
-
-def test_an_end_that_is_drawn_out_in_every_frame_is_refused_with_the_suspicion(scanned: Scans) -> None:
-    scan = scanned(part=part())
-    drawn_out = replace(scan.tracked, end_is_burred=np.ones(len(scan.tracked.end_is_burred), bool))
-    with pytest.raises(InputError, match="a further face beyond a step"):
-        measure_edge(scan.cloud, drawn_out)
 
 
 @pytest.mark.parametrize("height_mm", [0.2, 4.0])

@@ -76,25 +76,6 @@ def test_stations_and_what_was_seen(drawn: Scans, condition: str, seed: int) -> 
     assert {ROOT_FACE, BEVEL_FACE} <= set(np.unique(edge.labels))
 
 
-def _tangents(edge: MilledEdge, at: Float) -> Float:
-    return np.stack([np.interp(at, edge.arc_length_mm, t) for t in edge.tangent.T], axis=1)
-
-
-def test_frames_lie_in_the_direction_of_the_tangent(drawn: Scans) -> None:
-    """Arc length rises along t = m x n, not along the robot's motion; its frames say so, pass by pass."""
-    for condition, seed in PARTS:
-        scan = drawn(condition, seed)
-        edge, pose = scan.edge, scan.cloud.base_from_profiler
-        for p in np.unique(edge.pass_index):
-            mine = (edge.pass_index == p) & np.isfinite(edge.frame_arc_length_mm)
-            moved = (np.diff(pose[mine, :3, 3], axis=0) * _tangents(edge, edge.frame_arc_length_mm[mine])[1:]).sum(
-                axis=1
-            )
-            rises = np.diff(edge.frame_arc_length_mm[mine])
-            assert np.sign(np.median(moved)) == np.sign(np.median(rises))
-            assert np.median(np.abs(rises)) == pytest.approx(scan.recipe.robot.frame_pitch_mm, rel=0.25)
-
-
 def test_nothing_is_invented_under_a_clamp(drawn: Scans) -> None:
     """Stations in the middle of a hidden stretch have no position; the tangent goes on through it."""
     hidden_stations = 0

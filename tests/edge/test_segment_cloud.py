@@ -42,6 +42,11 @@ def test_scan_lines_give_what_the_grid_gives(drawn, condition: str, seed: int):
     cloud, edge = segment_cloud(PointSet(points_of(scan.cloud), "a.ply", warnings=("in mm?",)), **nominal)
     found, gridded = sections(edge), sections(scan.edge)
     assert (np.bincount(cloud.pass_index) > 5).sum() == len(np.unique(scan.cloud.pass_index))
+    frame, column = np.nonzero(np.isfinite(cloud.x_mm))
+    its_frame, its_column = np.nonzero(scan.cloud.keep)
+    np.testing.assert_array_equal(*(np.unique(one, return_inverse=True)[1] for one in (frame, its_frame)))
+    same = np.diff(its_frame) == 0
+    assert any((np.diff(column + sense * its_column)[same] == 0).all() for sense in (-1, 1)), "but for a shift"
     assert np.abs(values(found, "root_mm") - values(gridded, "root_mm")).max() < 0.01
     assert np.abs(values(found, "bevel_deg") - values(gridded, "bevel_deg")).max() < 0.05
     assert edge.warnings == ("in mm?",)
@@ -103,8 +108,9 @@ def test_points_as_far_apart_as_columns_do_not_turn_a_face():
     up = np.maximum(on - 1.5, 0.0)
     points = np.stack([along, -up * np.sin(np.radians(40)), np.minimum(on, 1.5) + up * np.cos(np.radians(40))], axis=-1)
     aside = np.array([0.0, np.cos(np.radians(35)), np.sin(np.radians(35))])
-    points += rng.normal(0.0, 0.012, (*on.shape, 1)) * aside
-    edge = segment_cloud(PointSet(rng.permutation(points.reshape(-1, 3)), "a.ply"))[1]
+    points = (points + rng.normal(0.0, 0.012, (*on.shape, 1)) * aside).reshape(-1, 3)
+    edge = segment_cloud(PointSet(points[np.argsort(points @ [0.6, 0.64, 0.48])], "a.ply"))[1]  # no order of lines
+    assert any("shows no scan lines" in words for words in edge.warnings)
     assert abs(np.median(edge.bevel.value) - 40.0) < 0.05
     assert np.median(edge.bevel.u) < 0.1
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.seldom import seldom
-from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Edge, RawEdge
+from workbench.artefacts import Edge, RawEdge
 from workbench.edge import segment_raw
 from workbench.errors import InputError
 from workbench.units import DEG, Float
@@ -119,22 +119,6 @@ def test_a_rough_face(drawn: Scans) -> None:
     assert np.mean(np.abs(along_m)[1:-1] < 3 * u_m[1:-1]) > 0.9
     assert np.abs(along_n * np.cos(40 * DEG) + along_m * np.sin(40 * DEG))[1:-1].max() < 0.1
     assert (np.abs(turn) < 3 * edge.normal_u[edge.seen] / DEG).all()
-
-
-def test_labels_name_the_faces(scanned: Scans) -> None:
-    """Points that are named lie on what they are named after."""
-    scan = scanned(part=RAW, passes=[ABOVE])
-    edge = segment_raw(scan.cloud, upper_side=UP)
-    base = np.array(scan.recipe.part.base_from_part.position_mm)
-    for label, normal, level in ((ROOT_FACE, (0, -1, 0), 0.0), (UPPER_SURFACE, (0, 0, 1), 8.0)):
-        i, j = np.nonzero(edge.labels == label)
-        assert i.size > 5000
-        x, z = (v[i, j].astype(float)[:, None] for v in (scan.cloud.x_mm, scan.cloud.z_mm))
-        pose = scan.cloud.base_from_profiler[i]
-        point = pose[:, :3, 3] + x * pose[:, :3, 0] + z * pose[:, :3, 2] - base
-        assert np.quantile(np.abs(point @ np.array(normal) - level), 0.99) < 0.1
-    assert not (edge.labels == LOWER_SURFACE).any()
-    assert (edge.faces[ROOT_FACE].count > 50).mean() > 0.95
 
 
 @pytest.mark.parametrize("side", ["lower", *seldom("upper")])

@@ -1,4 +1,4 @@
-"""Runs of poses as lines and circles, on courses whose answer is known.
+"""Runs of poses as moves (that they keep to the path, and how few they are: tests/path/test_simplify.py).
 
 How far a rounded corner leaves its path: against the parabola itself.
 """
@@ -10,39 +10,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from workbench.geometry.moves import Tolerances, merge_poses, rounding_mm, step_lengths_mm, step_times_s, travel_time_s
+from workbench.units import DEG
 
-DEG = np.pi / 180
 NONE = np.full((3, 3), np.nan)
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [3.0, 4.0, 0.0], [3.0, 4.0, 12.0], [3.0, 4.0, 12.0]])
 
 
-def merge(position, quaternion=None, feed=None, label=None, least_sweep=4.2 * DEG, feed_share=0.1, **tolerances):
+def merge(position, quaternion, **tolerances):
     n = len(position)
-    quaternion = np.tile([1.0, 0, 0, 0], (n, 1)) if quaternion is None else quaternion
-    allowed = Tolerances(**{"chord_mm": 0.01, "angle": 0.05 * DEG, "least_sweep": least_sweep} | tolerances)
-    return merge_poses(
-        position,
-        quaternion,
-        np.ones(n) if feed is None else feed,
-        np.broadcast_to(feed_share, n),
-        np.zeros(n, int) if label is None else label,
-        allowed,
-    )
-
-
-def ring(radius, degrees, n=200):
-    a = np.linspace(0, degrees * DEG, n)
-    return np.stack([radius * np.cos(a), radius * np.sin(a), np.full(n, 7.0)], axis=1), a
-
-
-def test_a_line_is_one_move_however_uneven_its_points() -> None:
-    s = np.cumsum(np.random.default_rng(1).uniform(1e-3, 10, 500))
-    targets, circular, via, via_turn = merge(s[:, None] * [[0.6, 0.0, 0.8]] + [[1e3, 2e3, 3e3]])
-    assert targets.tolist() == [0, 499]
-    assert not circular.any()
-    assert np.isnan(via).all()
-    assert np.isnan(via_turn).all()
+    allowed = Tolerances(**{"chord_mm": 0.01, "angle": 0.05 * DEG, "least_sweep": 4.2 * DEG} | tolerances)
+    return merge_poses(position, quaternion, np.ones(n), np.full(n, 0.1), np.zeros(n, int), allowed)
 
 
 def test_a_line_along_which_the_tool_turns_holds_for_another_point_of_the_tool() -> None:
@@ -59,50 +37,6 @@ def test_a_line_along_which_the_tool_turns_holds_for_another_point_of_the_tool()
     driven = np.stack([np.interp(s, s[targets], tip[targets, c]) for c in range(3)], axis=1)
     off = np.linalg.norm(driven - turns.apply(lever) - position, axis=1)
     assert 0.008 < off.max() < 0.0101
-
-
-def test_an_arc_is_one_move_and_its_via_is_the_middle() -> None:
-    """The tool turns with the tangent: slerp along the arc is then exact."""
-    position, a = ring(300, 120)
-    quaternion = Rotation.from_rotvec(a[:, None] * [[0, 0, 1]]).as_quat(scalar_first=True)
-    targets, circular, via, via_turn = merge(position, quaternion)
-    assert targets.tolist() == [0, 199]
-    assert circular.tolist() == [False, True]
-    assert via[1] == pytest.approx([150, 300 * np.sqrt(3) / 2, 7], abs=1e-6)
-    assert via_turn[1] == pytest.approx([np.cos(30 * DEG), 0, 0, np.sin(30 * DEG)], abs=1e-9)
-
-
-@pytest.mark.parametrize(("degrees", "moves"), [(4.0, 0), (4.5, 1), (165, 1), (175, 2), (355, 3)])
-def test_sweeps_of_arcs_are_limited(degrees: float, moves: int) -> None:
-    position, _ = ring(3000, degrees, 4000)
-    assert merge(position)[1].sum() == moves
-
-
-def test_arcs_turn_both_ways() -> None:
-    position, _ = ring(300, 100)
-    for mirrored in (position * [[1, -1, 1]], position * [[-1, 1, 1]], position[::-1]):
-        assert merge(mirrored)[0].tolist() == [0, 199]
-
-
-def test_orientation_alone_splits_a_line() -> None:
-    s = np.linspace(0, 100, 401)
-    angle = 0.4 * DEG * np.sin(s * 2 * np.pi / 100)
-    quaternion = Rotation.from_rotvec(angle[:, None] * [[1, 0, 0]]).as_quat(scalar_first=True)
-    quaternion[::2] *= -1  # q and -q are the same
-    position = s[:, None] * [[1.0, 0, 0]]
-    split = merge(position, quaternion)[0]
-    error = angle - np.interp(s, s[split], angle[split])
-    assert 0.03 * DEG < np.abs(error).max() <= 0.05 * DEG + 1e-9
-    assert merge(position, quaternion, angle=1 * DEG)[0].tolist() == [0, 400]
-
-
-def test_feed_and_label_split_a_line() -> None:
-    position = np.arange(30.0)[:, None] * [[1.0, 0, 0]]
-    label = np.repeat([5, 2, 5], 10)
-    assert merge(position, label=label)[0].tolist() == [0, 9, 19, 29]
-    feed = np.repeat([1.0, 1.1, 1.2], 10)
-    assert merge(position, feed=feed)[0].tolist() == [0, 19, 29]
-    assert merge(position, feed=feed, feed_share=np.full(30, 0.2))[0].tolist() == [0, 29]
 
 
 def test_a_turn_on_the_spot_is_kept() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import doctest
 import html
+import itertools
 import re
 import sys
 import textwrap
@@ -18,7 +19,6 @@ from workbench.pipeline.catalogue import (
     parameter_texts,
     prose,
     source_text,
-    summary,
 )
 from workbench.stage import Stage
 
@@ -29,7 +29,7 @@ READING = """A page says what its stage takes and makes, how it does so, and whi
 starts at the pipeline's folder, or at the working directory in Python. In a pipeline a stage stands as
 `{"stage": NAME, PARAMETER: VALUE}` ([pipelines](../pipelines.md)); in Python it is a function, as the page's example
 shows. Input that cannot be used is refused with one line that names the cause (exit status 2, in Python an
-`InputError`); `workbench stages NAME` lists the causes."""
+`InputError`). `workbench stages` lists all stages with a sentence each, `workbench stages NAME` what is refused."""
 IMPLIED = {"number", "integer", "text", "true or false", "[number, number]", "[number, number, number]", "object"}
 EXAMPLE = re.compile(r"^Example:\n((?: +.*\n?|\n)+)", re.MULTILINE)
 RAISES = re.compile(r"^Raises:\n((?: +.*\n?)+)", re.MULTILINE)
@@ -40,7 +40,6 @@ PARSER = doctest.DocTestParser()
 LONG = 7  # words of a description
 AS_IN = re.compile(r"as in `([\w.]+)`\.?")  # that tells nothing else
 PAGE = re.compile(r"docs/((?:\w+/)*(\w+)\.md)")
-ASIDE = re.compile(r" \([^()]*(?:\([^()]*\)[^()]*)*\)|[:;] .*", re.DOTALL)
 TITLE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
 
 
@@ -55,11 +54,10 @@ def pages(directory: Path = DIRECTORY) -> dict[str, str]:
     return {"README.md": index(own), **{f"{name}.md": page(stage, told, directory) for name, stage in own.items()}}
 
 
-def index(stages: Mapping[str, Stage]) -> str:
-    """The list of all stages, each in a few words, and how their pages are read."""
-    rows = [
-        f"- [`{name}`]({name}.md): {_line(ASIDE.sub('', summary(stage)).rstrip('.'))}" for name, stage in stages.items()
-    ]
+def index(names: Iterable[str]) -> str:
+    """The list of all stages, a line a family, and how their pages are read."""
+    families = itertools.groupby(names, lambda name: name.partition(".")[0])
+    rows = ["- " + ", ".join(f"[`{name}`]({name}.md)" for name in some) for _, some in families]
     return "\n".join([NOTE, "# Stages", "", READING, "", *rows, ""])
 
 

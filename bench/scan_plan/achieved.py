@@ -55,7 +55,7 @@ def examine(seed: int) -> dict[str, Any]:
         way = courses(made)
         found = {SIMULATORS[0]: _achieved(drawn, made, sensor, *analytic(drawn, made, way))}
         if drawn.clamp_mm is None and not any(one.view.lead for one in made.passes):
-            scanned = triangulated(drawn, made.joint, made.profiler, [one.view for one in made.passes], seed)
+            scanned = triangulated(drawn, made, seed)
             found[SIMULATORS[1 + (drawn.radius_mm > 0.0)]] = _achieved(drawn, made, sensor, *scanned)
             if drawn.radius_mm > 0.0:
                 told = predicted(task, made, 2 * [drawn.radius_mm])
@@ -124,9 +124,8 @@ def _free(drawn: Drawn, task: Task, beside_mm: float) -> Bool:
             if hidden_why(task.joint, task.profiler, view):
                 continue
             for turned in (False, True):
-                eyes = eyes_mm(
-                    task.profiler, view, view_poses(at, task.joint, task.profiler, view, turned, task.edge.length_mm)
-                )
+                poses = view_poses(at, task.joint, view, turned, task.edge.length_mm, 0.0)
+                eyes = eyes_mm(task.profiler, view, poses)
                 free |= ~_hit(points, eyes, back, low, high)
     return free
 

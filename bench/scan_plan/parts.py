@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,9 +13,9 @@ from bench.simulators.triangulated import Course, Sensor, Way, Workpiece
 from bench.simulators.triangulated import simulate as triangulate
 from workbench.artefacts import PlannedScan, Recording
 from workbench.scan_plan import ScanPlan
-from workbench.scan_plan.information import Joint, Profiler, View, decay_columns
+from workbench.scan_plan.information import decay_columns
 from workbench.scan_plan.search import Wanted
-from workbench.scan_plan.way import aim_mm, drift_mm
+from workbench.scan_plan.way import aim_mm
 from workbench.synthetic import Recipe, parse_recipe
 from workbench.synthetic import Workpiece as Milled
 from workbench.synthetic.simulate import scan_workpiece
@@ -126,10 +125,8 @@ def analytic(drawn: Drawn, made: ScanPlan, way: PlannedScan) -> tuple[Recording,
     return recording, {name: getattr(truth, name) for name in ("position_mm", "seen", "root_mm", "bevel_deg")}
 
 
-def triangulated(
-    drawn: Drawn, joint: Joint, profiler: Profiler, views: Sequence[View], seed: int
-) -> tuple[Recording, Any]:
-    """By `bench.simulators.triangulated`, with these views: camera beside the laser, footprint, rounding."""
+def triangulated(drawn: Drawn, made: ScanPlan, seed: int) -> tuple[Recording, Any]:
+    """By `bench.simulators.triangulated`, in the plan's views: camera beside the laser, footprint, rounding."""
     rng = np.random.default_rng([75, seed])
     course = drawn.recipe.part.root_mm
     part = Workpiece(
@@ -145,10 +142,10 @@ def triangulated(
         seed=seed,
     )
     sensor = Sensor(
-        columns=profiler.columns,
-        width_mm=profiler.width_mm[0],
+        columns=made.profiler.columns,
+        width_mm=made.profiler.width_mm[0],
         stand_off_mm=STANDOFF_MM,
-        noise_mm=profiler.noise_mm,
+        noise_mm=made.profiler.noise_mm,
         speckle_columns=SPECKLE_COLUMNS,
         linearity_mm=LINEARITY_MM,
         linearity_length_mm=LINEARITY_LENGTH_MM,
@@ -157,13 +154,13 @@ def triangulated(
     )
     ways = [
         Way(
-            step_mm=one.frame_pitch_mm,
-            elevation=one.elevation,
-            aim_mm=tuple(aim_mm(joint, one).tolist()),
-            drift_mm=drift_mm(profiler, one),
+            step_mm=one.view.frame_pitch_mm,
+            elevation=one.view.elevation,
+            aim_mm=tuple(aim_mm(made.joint, one.view).tolist()),
+            drift_mm=one.drift_mm,
             robot_mm=ROBOT_MM,
             robot_deg=0.001,
         )
-        for one in views
+        for one in made.passes
     ]
     return triangulate(part, sensor, ways, seed)

@@ -30,7 +30,7 @@ class ScanPassRow(Row):
     standoff_mm: Positive
     speed_mm_s: Positive
     frame_pitch_mm: Positive
-    drift_mm: NotNegative = Field(description="by which the scanner moves across its view along the pass")
+    drift_mm: Number = Field(description="by which the scanner moves across its view along the pass")
     turntable_deg: Unknown = Field(default=None, description="null: no turntable, or no cell")
     duration_s: Positive
     points: list[ScanPoint] = Field(min_length=2)

@@ -302,6 +302,10 @@ class Task(NamedTuple):
         """Arc lengths (s,) mm at which the plan is looked at."""
         return np.linspace(0.0, self.edge.length_mm, max(5, round(self.edge.length_mm / STATION_MM) + 1))
 
+    def drift_mm(self, view: View) -> float:
+        """Across the view, along the pass."""
+        return drift_mm(self.profiler, view, self.edge.length_mm)
+
 
 def as_profiler(file: SensorFile, path: Path) -> Profiler:
     """What the prediction needs of a sensor file.
@@ -353,7 +357,7 @@ def _placed(
 def planned(task: Task, place: Cell | None, unchecked: tuple[str, ...] = ()) -> ScanPlan:
     """The plan: by the turntable angle, of those that are tried in turn, that serves best."""
     views = [View(one, task.profiler.middle_mm, task.pitches_mm[0]) for one in task.elevations]
-    if all(hidden_why(task.joint, task.profiler, view, drift_mm(task.profiler, view)) for view in views):
+    if all(hidden_why(task.joint, task.profiler, view, task.drift_mm(view)) for view in views):
         middle = View(0.5 * task.joint.bevel, task.profiler.middle_mm, task.pitches_mm[0])
         why = hidden_why(task.joint, task.profiler, middle) or "from no elevation are both faces seen"
         raise InputError("scan.plan", f"this joint cannot be measured with this sensor: {why}")
@@ -463,11 +467,10 @@ def _looked(task: Task, examiner: Examiner | None, table: float) -> _Looked:
     for lead in LEADS_DEG:
         for elevation in task.elevations:
             view = View(elevation, task.profiler.middle_mm, task.pitches_mm[0], lead * DEG)
-            if hidden_why(task.joint, task.profiler, view, drift_mm(task.profiler, view)):
+            drift = task.drift_mm(view)
+            if hidden_why(task.joint, task.profiler, view, drift):
                 continue
-            both = tuple(
-                view_poses(at, task.joint, task.profiler, view, half, task.edge.length_mm) for half in (False, True)
-            )
+            both = tuple(view_poses(at, task.joint, view, half, task.edge.length_mm, drift) for half in (False, True))
             turned, sees, fastest = False, np.ones(at.arc_length_mm.size, bool), task.most_speed_mm_s
             if examiner is not None:
                 reached = examiner.reach(both[0], (both[0], both[1]), table)
@@ -499,7 +502,8 @@ def _section_points(at: EdgeLine, joint: Joint) -> Shaped[Float, "s 3 3"]:
 
 def _made(task: Task, looked: _Looked, chosen: tuple[int, ...]) -> ScanPlan:
     """The plan of chosen candidates, with what is promised: what they tell of the edge that hides most."""
-    passes = tuple(_pass(task, looked, k) for k in sorted(chosen, key=lambda k: looked.candidates[k].seconds))
+    quickest_first = sorted(chosen, key=lambda k: looked.candidates[k].seconds)
+    passes = tuple(_pass(task, looked, k, (-1.0) ** number) for number, k in enumerate(quickest_first))
     told = _rehearsal(task, passes, Supposed(edges_of(task.known.edge_condition)[-1], WAVE_MM, 0))
     return ScanPlan(
         *task[:4],
@@ -525,7 +529,7 @@ def _rehearsal(task: Task, passes: tuple[ScanPass, ...], supposed: Supposed) -> 
     led = []
     for one in passes:
         at = line.at(share * one.edge.arc_length_mm)
-        poses = view_poses(at, task.joint, task.profiler, one.view, one.turned, line.length_mm)
+        poses = view_poses(at, task.joint, one.view, one.turned, line.length_mm, share * one.drift_mm)
         led.append(dataclasses.replace(one, base_from_view=poses))
     sees = np.stack([one.sees for one in passes])
     return rehearsed(*task[:3], _followed(task.profiler, led, True, ""), sees, stations, supposed)
@@ -546,14 +550,15 @@ def predicted(task: Task, made: ScanPlan, radii: Sequence[float] = ()) -> ScanPl
     )
 
 
-def _pass(task: Task, looked: _Looked, k: int) -> ScanPass:
+def _pass(task: Task, looked: _Looked, k: int, side: float) -> ScanPass:
     candidate = looked.candidates[k]
     view, sees, speed = candidate.view, candidate.sees, candidate.view.frame_pitch_mm * task.frame_rate_hz
     seen = task.stations[sees]
     ends = max(seen[0] - STATION_MM, 0.0) - OVERRUN_MM, min(seen[-1] + STATION_MM, task.edge.length_mm) + OVERRUN_MM
     at = task.edge.at(np.linspace(*ends, max(3, round(ends[1] - ends[0]) + 1)))
-    poses = view_poses(at, task.joint, task.profiler, view, candidate.turned, task.edge.length_mm)
-    return ScanPass(view, candidate.turned, at, poses, sees, speed, drift_mm(task.profiler, view), candidate.seconds)
+    drift = side * task.drift_mm(view)
+    poses = view_poses(at, task.joint, view, candidate.turned, task.edge.length_mm, drift)
+    return ScanPass(view, candidate.turned, at, poses, sees, speed, drift, candidate.seconds)
 
 
 def _binds(task: Task, looked: _Looked, made: ScanPlan) -> Iterator[str]:

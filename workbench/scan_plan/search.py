@@ -67,6 +67,7 @@ class Reach(NamedTuple):
     short: int  # that miss what is wanted, those included
     excess: float  # largest of what they promise over what is wanted, where that is more
     seconds: float
+    leads: int  # passes that lean along the edge: a twist along it counts there, which no nominal joint has
     left: float  # product of promised over wanted U of both sizes, at most: of two sets as good the one that tells more
 
 
@@ -111,9 +112,9 @@ class Search:
         short = over > 1.0
         seen = np.isfinite(over)
         excess = float(over[short & seen].max(initial=0.0))
-        return Reach(
-            int((~seen).sum()), int(short.sum()), excess, self._seconds(passes), float(left[seen].max(initial=0.0))
-        )
+        leads = sum(self.candidates[k].view.lead != 0.0 for k in passes)
+        worst = float(left[seen].max(initial=0.0))
+        return Reach(int((~seen).sum()), int(short.sum()), excess, self._seconds(passes), leads, worst)
 
     @property
     def visible(self) -> Bool:
@@ -126,7 +127,7 @@ class Search:
         A pass with more frames tells more: where a set with its finest pitches misses what is wanted, so do others.
         """
         hidden, looked = int((~self.visible).sum()), 0
-        best: tuple[tuple[int, ...], Reach] = ((), Reach(self.visible.size + 1, 0, math.inf, math.inf, math.inf))
+        best: tuple[tuple[int, ...], Reach] = ((), Reach(self.visible.size + 1, 0, math.inf, math.inf, 0, math.inf))
         ways = self._ways()
         quickest = min((self.candidates[way[0]].seconds for way in ways), default=math.inf)
         for size in range(1, most_passes + 1):  # few passes first: their time bounds the others

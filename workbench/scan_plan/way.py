@@ -15,7 +15,7 @@ from workbench.geometry.poses import pose_from
 from workbench.scan_plan.information import BESIDE_MM, Joint, Profiler, View
 from workbench.units import Float, Shaped
 
-DRIFT_COLUMNS = 8.0  # by which the columns move past the edge in a pass: one column alone never tells where a face ends
+DRIFT, MOST_DRIFT = 0.2, 0.1  # columns per mm of edge, and the most, as a share of the columns
 STATION_MM, SMOOTH_MM = 2.0, 10.0
 
 
@@ -84,9 +84,13 @@ class EdgeLine:
         return EdgeLine(s, position, tangent, np.cross(tangent, across), across, self.source, self.beside_mm)
 
 
-def drift_mm(profiler: Profiler, view: View) -> float:
-    """By how much the scanner moves across its view along the pass, mm."""
-    return DRIFT_COLUMNS * profiler.pitch_mm(view.standoff_mm)
+def drift_mm(profiler: Profiler, view: View, length_mm: float) -> float:
+    """By how much the scanner moves across its view along the pass, mm.
+
+    One column alone never tells where a face ends; columns that move past the edge do. Points that are taught wrong by
+    some tenths of a mm move them as well, so passes drift to either side in turn: not all of them can be undone.
+    """
+    return min(DRIFT * length_mm, MOST_DRIFT * profiler.columns) * profiler.pitch_mm(view.standoff_mm)
 
 
 def aim_mm(joint: Joint, view: View) -> Shaped[Float, " 2"]:
@@ -98,7 +102,7 @@ def aim_mm(joint: Joint, view: View) -> Shaped[Float, " 2"]:
 
 
 def view_poses(
-    edge: EdgeLine, joint: Joint, profiler: Profiler, view: View, turned: bool, length_mm: float
+    edge: EdgeLine, joint: Joint, view: View, turned: bool, length_mm: float, drift_mm: float
 ) -> Shaped[Float, "k 4 4"]:
     """base_from_view at the stations of an edge `length_mm` long.
 
@@ -110,7 +114,7 @@ def view_poses(
     x, z = c * m - s * n, -(c * n + s * m)
     share = edge.arc_length_mm / length_mm - 0.5
     u, v = aim_mm(joint, view)
-    origin = edge.position_mm + u * n + v * m + (share * drift_mm(profiler, view))[:, None] * x
+    origin = edge.position_mm + u * n + v * m + (share * drift_mm)[:, None] * x
     z = math.cos(view.lead) * z + math.sin(view.lead) * np.cross(x, z)
     x = -x if turned else x
     return pose_from(np.stack([x, np.cross(z, x), z], axis=2), origin) if len(t) else np.empty((0, 4, 4))

@@ -121,6 +121,12 @@ def test_what_cannot_be_reached_is_told_with_what_would_help() -> None:
     assert any("without error of linearity" in one for one in scan.would_help)
 
 
+def test_passes_drift_to_either_side_in_turn() -> None:
+    """What wrong points undo of one drift they add to the other."""
+    drifts = [one.drift_mm for one in made(wanted_root_mm=0.001, wanted_bevel_deg=0.005, passes=2).plan.passes]
+    assert [np.sign(one) for one in drifts] == [1.0, -1.0]
+
+
 def test_the_plate_and_the_scanner_are_bodies(shipped: Made) -> None:
     place = shipped.plan.scan_cell
     assert place is not None

@@ -40,8 +40,7 @@ class FaceCorner:
     up: Shaped[Float, " N"]  # distance along the root face to the corner, mm
     upper_s: Shaped[Float, " N"]  # arc length of the corner, mm
     lever: Shaped[Float, " N"]  # distance of the bevel's measured points from it, mm
-    root_turn: Shaped[Float, " N"]  # what obliquity adds to the direction of the root face, rad
-    bevel_turn: Shaped[Float, " N"]  # the same of the bevel face
+    turns: Shaped[Float, "2 N"]  # what obliquity adds to the directions of root face and bevel face, rad
 
 
 def root_ends(

@@ -68,14 +68,13 @@ class FaceLine:
     """A face in every frame: its line in the section planes, its direction as a course, obliquity taken back."""
 
     section: SectionLines
-    course: Course  # of the direction as frames show it, rad
-    turn: Shaped[Float, " N"]  # what obliquity adds to it, rad
+    course: Course  # of the direction, rad
     place: Shaped[Float, "N 2"]
     angle: Shaped[Float, " N"]  # direction in each frame's section, rad
 
     def direction(self, along: Along) -> Float:
         """At the stations (m,), rad."""
-        return np.asarray(self.course.value(along.at) - between(along.s, self.turn, along.at))
+        return self.course.value(along.at)
 
     def direction_u(self, along: Along) -> Float:
         """Its standard uncertainty (m,), rad."""
@@ -95,8 +94,7 @@ def joined(sections: Sequence[SectionLines], s: Float, group: Int, hangs: Float 
         about = float(np.angle(np.nanmean(np.exp(1j * one.angle))))
         courses.append(fit_course(one.s, about + wrapped(one.angle - about), one.angle_variance, group))
         angles.append(courses[-1].value(safe))
-    none = np.zeros(s.size)
-    lines = [FaceLine(*of[:2], none, of[0].place, of[2]) for of in zip(sections, courses, angles, strict=True)]
+    lines = [FaceLine(*of[:2], of[0].place, of[2]) for of in zip(sections, courses, angles, strict=True)]
     meets = [meeting(a.place, a.angle, b.place, b.angle) for a, b in pairwise(lines)]
     meets.append(meets[-1] if hangs is None else hangs)
     return [_square(line, place, s, group) for line, place in zip(lines, meets, strict=True)]
@@ -114,7 +112,9 @@ def _square(line: FaceLine, meet: Float, s: Float, group: Int) -> FaceLine:
     moved = drift + (lever * change)[:, None] * across  # of the centroid, a mm along the edge
     place = line.place - (change * section.run * section.spread)[:, None] * across
     place = place - (section.s - s)[:, None] * moved
-    return FaceLine(section, line.course, turn, place, line.angle - turn)
+    seen = line.angle + wrapped(section.angle - line.angle) - turn  # passes are turned by each its own
+    course = fit_course(section.s, seen, section.angle_variance, group, stiffness=line.course.stiffness)
+    return FaceLine(section, course, place, course.value(safe))
 
 
 def _slope(s: Float, value: Float, group: Int) -> Float:

@@ -52,6 +52,7 @@ class Faces:
 
     root: SectionLines  # of N frames
     bevel: SectionLines
+    turns: Shaped[Float, "2 N"]  # what obliquity adds to the directions of both, rad: taken off before the courses
     root_course: Course  # direction of the root face, rad
     bevel_course: Course  # direction of the bevel face, rad
     opening_course: Course  # angle between both, rad, as each frame shows it
@@ -71,7 +72,8 @@ class Measured:
     said: Readings  # of that, at the course's own places
     upper_s: Shaped[Float, " N"]  # where each frame shows the upper edge of the root face
     lever_mm: Shaped[Float, " N"]  # distance of the bevel's measured points from it; NaN: does not see the break
-    root_turn: Shaped[Float, " N"]  # what obliquity adds to the direction of the root face, rad
+    turns: Shaped[Float, "2 N"]  # what obliquity adds to the directions of root face and bevel face, rad
+    root_turn: Shaped[Float, " N"]  # by which the lines of the root face are still turned, rad
     bevel_turn: Shaped[Float, " N"]  # the same of the bevel face
     shift: float  # of all arc lengths above but `s_low`, mm: they count from another place
     # how far each frame's lower edge still moved in the last round, where it did not settle; 0 elsewhere
@@ -99,7 +101,8 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces, broken: BrokenEnd | None =
     start = few.start + np.flatnonzero(seen[few]) * few.step
     curve = fit_curve(corners[start], s[start], cloud.pass_index[start])
     s[seen] = curve.project(corners[seen], s[seen])
-    _, lower_edge, s_low = _state(cloud, tracked, broken, curve, s, few)
+    first, lower_edge, s_low = _state(cloud, tracked, broken, curve, s, np.zeros((2, s.size)), few)
+    turns = first.turns
     good = _sound(cloud, lower_edge, s_low, corners)
     check_ends(cloud, tracked, good)
     clean = good & ~tracked.end_is_burred
@@ -108,7 +111,8 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces, broken: BrokenEnd | None =
     s[~good] = np.nan
     for _ in range(MOST_ROUNDS):
         before = lower_edge
-        measured, lower_edge, s_low = _state(cloud, tracked, broken, curve, s)
+        measured, lower_edge, s_low = _state(cloud, tracked, broken, curve, s, turns)
+        turns = measured.turns
         astray = float(np.mean(np.isnan(measured.upper_s[np.isfinite(s)])))
         moved = np.linalg.norm(lower_edge - before, axis=1)[clean]
         if np.nanmax(moved, initial=0.0) < ASTRAY_MM:
@@ -212,9 +216,10 @@ def _sound(cloud: Cloud, lower_edge: Float, s: Float, corners: Float) -> Bool:
     return np.asarray(good)
 
 
-def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, few: slice | None) -> Faces:
-    """Directions of both faces along the edge (eq. (5), (6)).
+def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, turns: Float, few: slice | None) -> Faces:
+    """Directions of both faces along the edge (eq. (5), (6)), less what obliquity adds: it differs between passes.
 
+    turns (2, N): that, of root face and bevel face, rad.
     few: a first look from these frames, which takes what stands on the root face's ends for the face's own.
     """
     pose, side, sigma, of = cloud.base_from_profiler, tracked.side, tracked.range_sigma_mm, few or slice(None)
@@ -233,7 +238,8 @@ def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, few
     root, bevel = lines
     about = float(np.angle(np.nanmean(np.exp(1j * root.angle))))
     root_angle = about + wrapped(root.angle - about)
-    bevel_angle = root_angle - wrapped(root_angle - bevel.angle)
+    bevel_angle = root_angle - wrapped(root_angle - bevel.angle) - turns[1]
+    root_angle = root_angle - turns[0]
     group, s_root, variance = cloud.pass_index[of], root.s[of], root.angle_variance[of]
     bevel_course = fit_course(bevel.s[of], bevel_angle[of], bevel.angle_variance[of], group)
     root_angle = np.where(tracked.end_is_burred[of], np.nan, root_angle[of])  # a burr's low foot turns its line
@@ -244,18 +250,24 @@ def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, few
         even = fit_course(s_root, root_angle, variance, group, shared=Shared(TOGETHER_MM))
     opening_course = fit_course(s_root, root_angle - bevel_course.value(s_root), variance, group)
     follows = 1.0 / (1.0 + math.exp(np.clip(root_course.log_evidence - opening_course.log_evidence, -50.0, 50.0)))
-    return Faces(root, bevel, root_course, bevel_course, opening_course, follows, even)
+    return Faces(root, bevel, turns, root_course, bevel_course, opening_course, follows, even)
 
 
 def _state(
-    cloud: Cloud, tracked: TrackedFaces, broken: BrokenEnd, curve: Curve, s: Float, few: slice | None = None
+    cloud: Cloud,
+    tracked: TrackedFaces,
+    broken: BrokenEnd,
+    curve: Curve,
+    s: Float,
+    turns: Float,
+    few: slice | None = None,
 ) -> tuple[Measured, Float, Float]:
     """The state in the section planes of `curve`; each frame's lower edge in the base (N, 3), and its arc length (N,).
 
     few: a first look from these frames, which takes the middles of the column steps for the root face's end.
     """
     of = few or slice(None)
-    faces = _directions(cloud, tracked, curve, s, few)
+    faces = _directions(cloud, tracked, curve, s, turns, few)
     root, none = faces.root, np.zeros_like(s)
     made = _corner(faces, s, *face_angles(faces, np.where(np.isfinite(s), s, 0.0)), none, none)
     ends, agreed = _whole(cloud, tracked, root_ends(cloud, tracked, curve, root, faces.bevel, made, s), made, broken)
@@ -294,8 +306,9 @@ def _state(
         said,  # type: ignore[arg-type]
         upper_s,
         np.where(weights(upper_s, broken.doubt_mm) < LEAST_WEIGHT, np.nan, made.lever),
-        made.root_turn,
-        made.bevel_turn,
+        np.nan_to_num(made.turns),
+        made.turns[0] - turns[0],
+        made.turns[1] - turns[1],
         shift,
         none,
         agreed,
@@ -318,22 +331,27 @@ def _corner(faces: Faces, s: Float, tilt: Float, beta: Float, size: Float, size_
     An oblique frame sees each point of a face at another arc length, where the face has turned (eq. (7)).
     """
     root, bevel = faces.root, faces.bevel
-    turn = _slope(faces, s)
-    root_turn = root.run * 0.5 * size * turn[0]
+    turn = face_turns(faces, s)
     along, ahead = np.cos(tilt), np.sin(tilt)  # direction of the root face, ...
     run, rise = np.cos(tilt - beta), np.sin(tilt - beta)  # ... and of the bevel face
-    bowed = turn[1] * bevel.run * bevel.spread
-    da = bevel.place[:, 0] + bowed * rise - root.place[:, 0]
-    db = bevel.place[:, 1] - bowed * run - root.place[:, 1]
+    da, db = (bevel.place - root.place).T
     sine, cosine = ahead * run - along * rise, along * run + ahead * rise  # of the angle between them
+    lever = np.hypot(da, db) - 0.5 * size
+    # How far the faces' middles turn out of the section at s, less the bow of their lines; sizes are those at corners.
+    root_moves, bevel_moves = 0.5 * size * turn[0], size * turn[0] * cosine + lever * turn[1]
+    root_off = turn[0] * root.run * root.spread + (root.s - s) * root_moves
+    bevel_off = turn[1] * bevel.run * bevel.spread + (bevel.s - s) * bevel_moves
+    da, db = da + bevel_off * rise - root_off * ahead, db - bevel_off * run + root_off * along
     up = (db * run - da * rise) / sine
     far = np.abs(up) > max(FAR_MM, FAR_TIMES * float(np.nanmedian(np.abs(up))))
     up = np.where(far, np.nan, up)  # where the courses run parallel, beyond clamps, corners lie anywhere
     lever = np.hypot(da - up * along, db - up * ahead)
+    root_turn = root.run * root_moves
     bevel_turn = bevel.run * (size_slope * sine + size * turn[0] * cosine + lever * turn[1])
     at = np.where(np.isfinite(s), s, 0.0)
-    tilt, beta = face_angles(faces, at, between(root.s, root_turn, at), between(bevel.s, bevel_turn, at))
-    return FaceCorner(tilt, beta, up, root.s + root.run * up, lever, root_turn, bevel_turn)
+    turns = np.stack([root_turn, bevel_turn])
+    left = (between(face.s, of, at) for face, of in zip((root, bevel), turns - faces.turns, strict=True))
+    return FaceCorner(*face_angles(faces, at, *left), up, root.s + root.run * up, lever, turns)
 
 
 def face_angles(
@@ -349,8 +367,8 @@ def face_angles(
     return bevel + beta, beta
 
 
-def _slope(faces: Faces, s: Float) -> tuple[Float, Float]:
-    """Turn of root face and bevel face along the edge at each frame (N,), rad/mm."""
+def face_turns(faces: Faces, s: Float) -> tuple[Float, Float]:
+    """Turn of root face and bevel face along the edge at each frame (N,) at s, rad/mm."""
     at = np.where(np.isfinite(s), s, 0.0)
     bevel = faces.bevel_course.slope(at)
     alone, together = faces.root_course.slope(at), bevel + faces.opening_course.slope(at)

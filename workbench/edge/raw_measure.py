@@ -103,6 +103,7 @@ class RawMeasured:
     s_face: Shaped[Float, " N"]  # where each frame shows the end face, mm
     angle: Shaped[Float, " N"]  # its direction there, as `tilt` counts it, rad
     run: Shaped[Float, " N"]  # by how much the section advances along the edge per mm along the face
+    bow: Shaped[Float, " N"]  # by which an oblique frame sees it bent along the range axis, times distance^2, 1/mm
     lever_mm: float  # from the lower edge to the middle of what is seen of the end face
     rough: bool
     local_turn_u: float  # of the end face's direction over LOCAL_MM of edge, by how single frames scatter, rad
@@ -262,7 +263,7 @@ def _state(
     lever = abs(float(np.nanmedian((face.place * m).sum(axis=1))))
     pitch = float(np.ptp(face.s[np.isfinite(face.s)])) / max(int(np.isfinite(face.s).sum()), 1)
     turn_u = math.sqrt(float(np.nanmedian(face.angle_variance)) * tilt.frame_factor * pitch / LOCAL_MM)
-    shown = face.s, angle, face.run
+    shown = face.s, angle, face.run, face.bow_in_range(tilt.slope(mid))
     return RawMeasured(curve, tilt, stand_out, stands, lower, upper, lean, *shown, lever, rough, turn_u)
 
 

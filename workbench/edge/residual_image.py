@@ -127,11 +127,12 @@ class FaceImage(NamedTuple):
 
 
 def face_image(
-    cloud: Cloud, labels: AnyArray, face: FaceLines, label: int, side: Float, s_frames: Float
+    cloud: Cloud, labels: AnyArray, face: FaceLines, label: int, side: Float, s_frames: Float, bow: Float | None = None
 ) -> FaceImage | None:
     """The residual image of the face with this label in `labels` (N, M); None: too little of it is seen.
 
     side (N,): its lower end lies towards rising side * x. s_frames (N,): arc length of each frame, mm.
+    bow (N,): by which oblique frames see it bent along the range axis, times distance^2, 1/mm; None: by nothing.
     """
     frames = np.flatnonzero(np.isfinite(s_frames) & (face.count > LEAST_PLACES))
     of_passes = [frames[cloud.pass_index[frames] == p] for p in np.unique(cloud.pass_index[frames])]
@@ -148,7 +149,9 @@ def face_image(
     places = int(min(np.median(on.sum(axis=1)), PLACES))
     if places < LEAST_PLACES:
         return None
-    line = np.stack([face.x_mean[frames], face.z_mean[frames], slope, side[frames]], axis=1)
+    spread = face.sxx[frames] / face.count[frames] * lean**2
+    bent = np.zeros(frames.size) if bow is None else np.nan_to_num(bow[frames])
+    line = np.stack([face.x_mean[frames], face.z_mean[frames], slope, side[frames], bent, spread], axis=1)
     x, z = (as_input(of[frames, part]) for of in (cloud.x_mm, cloud.z_mm))
     place, off = np.full(on.shape, -1), np.full(on.shape, np.nan)
     value = np.empty((frames.size, places))
@@ -186,12 +189,13 @@ def _evenly(count: int) -> Int:
 def _laid_out(x: Float32, z: Float32, on: Bool, line: Float, half: float, place: Int, off: Float, value: Float) -> None:
     """Fill in where returns (f, n) lie along a face, how far off its line, and the means of places (f, p); else NaN.
 
-    line (f, 4): x and z of its middle, its slope, and the side of its lower end; half (mm): of what is seen of it.
+    line (f, 6): x and z of its middle, its slope, the side of its lower end, the bow of an oblique frame (1/mm) and the
+    mean square distance from the middle (mm^2), of which the line has its share; half (mm): of what is seen of it.
     """
     places = value.shape[1]
     total, count = np.empty(places), np.empty(places)
     for i in range(x.shape[0]):
-        middle_x, middle_z, slope, side = line[i]
+        middle_x, middle_z, slope, side, bow, spread = line[i]
         lean = math.sqrt(1.0 + slope * slope)
         total[:] = 0.0
         count[:] = 0.0
@@ -201,7 +205,8 @@ def _laid_out(x: Float32, z: Float32, on: Bool, line: Float, half: float, place:
                 k = math.floor((dx * side * lean / half + 1.0) * 0.5 * places)
                 if 0 <= k < places:
                     place[i, j] = k
-                    off[i, j] = (np.float64(z[i, j]) - middle_z - slope * dx) / lean
+                    bent = bow * ((dx * lean) ** 2 - spread)
+                    off[i, j] = (np.float64(z[i, j]) - middle_z - slope * dx) / lean - bent
                     total[k] += off[i, j]
                     count[k] += 1.0
         for k in range(places):

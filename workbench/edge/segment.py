@@ -26,7 +26,7 @@ from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.lower_fillet import LIT_COLUMNS, lower_fillet
-from workbench.edge.measure import LEAST_WEIGHT, UNDETERMINED, Measured, measure_edge
+from workbench.edge.measure import LEAST_WEIGHT, UNDETERMINED, Measured, face_turns, measure_edge
 from workbench.edge.on_table import under_u_mm
 from workbench.edge.parameters import (
     USUAL_NOISE_MM,
@@ -232,7 +232,7 @@ def milled_edge(
     seen = covered(s_low, cloud.pass_index, at)
     position = measured.curve.position(at + measured.shift)
     position[~seen] = np.nan
-    root_form, bevel_form, lower_form = _forms(cloud, tracked, s_low, at, checks, declared.sensor)
+    root_form, bevel_form, lower_form = _forms(cloud, tracked, measured, at, checks, declared.sensor)
     measured = straightened(measured, at, root_form, bevel_form)
     tangent, normal, across = section_axes(measured, at)
     by_robot = turn_by_robot(measured.curve, length, declared.robot_noise_mm, declared.robot_noise_length_mm)
@@ -276,15 +276,18 @@ def milled_edge(
 
 
 def _forms(
-    cloud: Cloud, tracked: TrackedFaces, s_low: Float, at: Float, checks: Sequence[Check], sensor: Linearity
+    cloud: Cloud, tracked: TrackedFaces, measured: Measured, at: Float, checks: Sequence[Check], sensor: Linearity
 ) -> tuple[FaceForm, FaceForm, FaceForm]:
     """What lasts in the residuals of both faces and of the lower surface.
 
     Where a face holds a corner, its direction is either piece's.
     """
+    faces = measured.faces
+    root_turn, bevel_turn = face_turns(faces, faces.root.s)
+    bows = {ROOT_FACE: faces.root.bow_in_range(root_turn), BEVEL_FACE: faces.bevel.bow_in_range(bevel_turn)}
     images = [
-        face_image(cloud, tracked.labels, tracked.faces[label], label, tracked.side, s_low)
-        for label in (ROOT_FACE, BEVEL_FACE, LOWER_SURFACE, UPPER_SURFACE)  # the last tells of the sensor
+        face_image(cloud, tracked.labels, tracked.faces[of], of, tracked.side, measured.s_low, bows.get(of))
+        for of in (ROOT_FACE, BEVEL_FACE, LOWER_SURFACE, UPPER_SURFACE)  # the last tells of the sensor
     ]
     either = either_piece_u(checks)
     root, bevel, lower, _ = forms(images, at, sensor)

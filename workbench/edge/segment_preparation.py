@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import Annotated, Literal
@@ -30,7 +30,7 @@ from workbench.edge.directions import near_slope, width_mm, wrapped
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.fillet import Fillet, fit_on_land, misfit_mm
 from workbench.edge.groove_frames import two_plates_share
-from workbench.edge.joint_lines import Along, JointLines, Place, Values, corners, joined, meeting, typical
+from workbench.edge.joint_lines import Along, FaceLine, JointLines, Place, Values, corners, joined, meeting, typical
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
 from workbench.edge.parameters import (
     USUAL_NOISE_MM,
@@ -225,7 +225,7 @@ class _Chain:
         ]
         # the root face hangs on the lower edge, which the curve follows
         lines = joined(sections, self.s, self.group, np.zeros((self.s.size, 2)))
-        self.joint = JointLines(cloud.source, lines, self._forms(sensor), along)
+        self.joint = JointLines(cloud.source, lines, self._forms(sensor, lines), along)
         self.lines = self.joint.lines
         self.corners: dict[str, Corner] = {}
 
@@ -288,12 +288,14 @@ class _Chain:
         found = [one.flank_mm(float(falls[i])) for i, one in enumerate(fillets) if one is not None]
         return float(np.median(found)) if found else math.inf
 
-    def _forms(self, sensor: Linearity) -> list[FaceForm]:
+    def _forms(self, sensor: Linearity, lines: Sequence[FaceLine]) -> list[FaceForm]:
         """What the straight line of each face leaves; and where checks found a corner in a face, either piece's."""
         tracked, either = self.frames.tracked, either_piece_u(self.edge.checks)
+        s = np.nan_to_num(self.s)
+        bows = [one.section.bow_in_range(one.course.slope(s)) for one in lines]
         images = tuple(
-            face_image(self.cloud, tracked.labels, tracked.faces[label], label, tracked.side, self.s)
-            for label in self.frames.order
+            face_image(self.cloud, tracked.labels, tracked.faces[label], label, tracked.side, self.s, bow)
+            for label, bow in zip(self.frames.order, bows, strict=True)
         )
         known = (one.uncorrected for one in forms(images, self.at, sensor))
         return [replace(one, turn_u=np.hypot(one.turn_u, either)) for one in known]

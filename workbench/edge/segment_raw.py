@@ -183,7 +183,7 @@ def _edge(
         shared = np.stack([place_u_mm(cloud, frame, origin, axis) for axis in (n, m)], axis=1)
         turn = turn_u(cloud, frame, t)
     images = (
-        face_image(cloud, found.labels, found.faces[ROOT_FACE], ROOT_FACE, -found.side, measured.s_face),
+        face_image(cloud, found.labels, found.faces[ROOT_FACE], ROOT_FACE, -found.side, measured.s_face, measured.bow),
         face_image(cloud, found.labels, found.faces[LOWER_SURFACE], LOWER_SURFACE, -found.side, lower_s),
     )
     form, below = (one.uncorrected for one in forms(images, at, declared.sensor))

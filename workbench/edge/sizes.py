@@ -11,7 +11,6 @@ from workbench.artefacts import DECLARED, DIRECTIONS, END, FORM, HIDDEN, ROUNDIN
 from workbench.edge.directions import LOCAL_MM, between
 from workbench.edge.measure import Measured, face_angles
 from workbench.edge.residual_image import FaceForm
-from workbench.geometry.sections import SectionLines
 from workbench.units import DEG, Float, Shaped
 
 NEAR_MM = 1.5  # of a section: frames that speak for it
@@ -77,7 +76,7 @@ def straightened(measured: Measured, at: Float, root_form: FaceForm, bevel_form:
     """Without the turns of both faces' lines by parts of them that stand aside; forms at arc lengths `at` (m,)."""
     s = np.nan_to_num(measured.upper_s - measured.shift)
     root, bevel = (
-        -_facing(lines) * np.interp(s, at, form.turn)
+        -lines.facing * np.interp(s, at, form.turn)
         for lines, form in ((measured.faces.root, root_form), (measured.faces.bevel, bevel_form))
     )
     return replace(measured, root_turn=measured.root_turn + root, bevel_turn=measured.bevel_turn + bevel)
@@ -87,15 +86,10 @@ def _by_parts(measured: Measured, s: Float, beta: Float, root_form: FaceForm, be
     """By how much parts of the faces that stand aside make the root face too short (m,) at s, mm."""
     root, bevel = measured.faces.root, measured.faces.bevel
     along = np.cos(root.angle) * root.ray[:, 0] + np.sin(root.angle) * root.ray[:, 1]
-    of_frames = _facing(root), _facing(bevel), along / np.sqrt(1.0 - along**2)
+    of_frames = root.facing, bevel.facing, along / np.sqrt(1.0 - along**2)
     facing, bevel_facing, lean = (between(measured.upper_s, of, s) for of in of_frames)
     corner = facing * root_form.upper_mm / np.tan(beta) - bevel_facing * bevel_form.lower_mm / np.sin(beta)
     return np.asarray(corner + lean * root_form.lower_mm)
-
-
-def _facing(lines: SectionLines) -> Float:
-    """+1 or -1 (N,): whether the sensor's z axis points to the left or to the right of lines, seen up along them."""
-    return np.sign(np.cos(lines.angle) * lines.ray[:, 1] - np.sin(lines.angle) * lines.ray[:, 0])
 
 
 def direction_u(measured: Measured, s: Float, root_form_u: Float, bevel_form_u: Float) -> tuple[Float, Float, Float]:

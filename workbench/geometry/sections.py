@@ -36,6 +36,19 @@ class SectionLines:
     run: Shaped[Float, " n"]
     spread: Shaped[Float, " n"]  # mean square distance of the face's points from the centroid along the face, mm^2
     ray: Shaped[Float, "n 2"]  # direction of the range axis in (a, b)
+    bow: Shaped[Float, " n"]  # a curved edge bends the face to the left of its line by so much times distance^2, 1/mm
+
+    @property
+    def facing(self) -> Float:
+        """+1 or -1 (n,): whether the range axis points to the left or to the right, seen up along the lines."""
+        return np.sign(np.cos(self.angle) * self.ray[:, 1] - np.sin(self.angle) * self.ray[:, 0])
+
+    def bow_in_range(self, turn: Float) -> Float:
+        """By how much an oblique frame sees the face bent along the range axis, times distance^2 (n,), 1/mm.
+
+        turn (n,): of the face along the edge, rad/mm (eq. (7)).
+        """
+        return np.asarray(self.facing * (turn * self.run + self.bow))
 
 
 def section_lines(
@@ -58,16 +71,16 @@ def section_lines(
     known = np.stack(
         [face.x_mean, face.z_mean, face.sxx, face.sxz, face.count, slope, side, range_sigma_mm, s_frame], axis=1
     )
-    out = np.empty((10, len(known)))
+    out = np.empty((11, len(known)))
     _section_lines(*curve.compiled, as_input(base_from_profiler), as_input(known), out)
-    return SectionLines(out[0], out[1:3].T.copy(), out[3], out[4], out[5], out[6], out[7], out[8:].T.copy())
+    return SectionLines(out[0], out[1:3].T.copy(), out[3], out[4], out[5], out[6], out[7], out[8:10].T.copy(), out[10])
 
 
 @kernel(error_model="numpy")
 def _section_lines(
     breaks: Float, powers: Float, limits: Float, references: Float, pose: Float, known: Float, out: Float
 ) -> None:
-    """Fill `out` (10, n): what SectionLines holds, in its order."""
+    """Fill `out` (11, n): what SectionLines holds, in its order."""
     frame, p, place, line = np.empty((3, 3)), np.empty(3), np.empty(2), np.empty(3)
     ray, bend = np.empty(2), np.empty(2)
     for m in range(known.shape[0]):
@@ -113,7 +126,7 @@ def _section_lines(
         out[1, m], out[2, m] = place[0] - bow * spread * lean_a, place[1] - bow * spread * lean_b
         out[3, m] = math.atan2(dv, du) + turn * (sxz / sxx - slope)
         out[4, m], out[5, m] = sigma * sigma / sxx * turn * turn, sigma * sigma * across * across / count
-        out[6, m], out[7, m], out[8, m], out[9, m] = run, spread, ray[0], ray[1]
+        out[6, m], out[7, m], out[8, m], out[9, m], out[10, m] = run, spread, ray[0], ray[1], bow
 
 
 def in_section(points_mm: Float, curve: Curve, s_guess: Float) -> tuple[Float, Float]:

@@ -12,15 +12,16 @@ import numpy as np
 from bench.confidently_wrong.kinds import KINDS, Kind
 from bench.drawn.seeds import nominal_sizes
 from bench.harness import ROOT, each, made_by
-from bench.metrology.planning import plan_as_a_user
+from bench.score.face import rough_upper_side
 from bench.score.named import ANALYTIC, SWEPT, simulated
 from bench.tables import markdown, put_into, written
-from workbench.artefacts import Check, Inspection, PointSet, Recording
+from workbench.artefacts import Check, Gate, Inspection, PointSet, RawEdge, Recording
 from workbench.checks import judge_recording
 from workbench.cloud import denoise
-from workbench.edge import segment, segment_cloud
+from workbench.edge import segment, segment_cloud, segment_raw
 from workbench.errors import WorkbenchError
 from workbench.inspect import sections
+from workbench.path import check, feed, layers
 from workbench.scan import fuse
 from workbench.synthetic import Truth
 from workbench.units import Float
@@ -117,7 +118,7 @@ def planned(recording: Recording, truth: Truth, kind: Kind) -> str:
     Naming what no recording can show excuses a shape only; one that a program may be written of is confidently wrong.
     """
     try:
-        edge, _, decision = plan_as_a_user(recording, truth)
+        edge, decision = plan_as_a_user(recording, truth)
     except WorkbenchError as error:
         return _refused(str(error), kind)
     except Exception:
@@ -130,6 +131,13 @@ def planned(recording: Recording, truth: Truth, kind: Kind) -> str:
     if off < PATH_MM:
         return "right"
     return _wrong_class(kind, edge.checks) if decision.shape_only else "confidently wrong"
+
+
+def plan_as_a_user(recording: Recording, truth: Truth) -> tuple[RawEdge, Gate]:
+    """The stages of planning with all their defaults."""
+    cloud = denoise(fuse(recording))
+    edge = segment_raw(cloud, upper_side=rough_upper_side(truth))
+    return edge, check(feed(layers(edge, cloud), cloud, edge), edge, cloud)
 
 
 def _wrong_class(kind: Kind, checks: tuple[Check, ...]) -> str:

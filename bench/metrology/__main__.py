@@ -1,4 +1,4 @@
-"""`python -m bench.metrology`: what the score does not tell: plans, measured loops, calibrations, stiffness, joints."""
+"""`python -m bench.metrology`: what the score does not tell: measured loops, calibrations, stiffness, joints."""
 
 from __future__ import annotations
 
@@ -7,13 +7,12 @@ import sys
 from functools import partial
 
 from bench.harness import kept, made_by
-from bench.metrology import calibration, instruments, joints, measured_loop, planning, stiffness
+from bench.metrology import calibration, instruments, joints, measured_loop, stiffness
 from bench.metrology.study import Condition, Row, Study, Task
 from bench.tables import folded, put_into
 
 FIRST_SEED = 1_000_000  # seeds below 10,000 are for developing
 STUDIES: dict[str, Study] = {
-    "planning": planning.STUDY,
     "measured_loop": measured_loop.STUDY,
     "calibration": calibration.STUDY,
     "instruments": instruments.STUDY,

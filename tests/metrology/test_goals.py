@@ -24,11 +24,6 @@ def stiffness(seed: int) -> Row:
     return sizes | {"nees": nees, "loads": [40, 6], "rejected_loads": 0, "seconds": {"identify": 0.01}}
 
 
-def planning(seed: int) -> Row:
-    values = {"distance_mm": 0.01, "axis_deg": 0.02, "spacing": 0.01, "lost": 0.0, "reachable_lost": 0.0}
-    return values | {"seen_share": 1.0, "blind": 0, "invented": 0, "wrong_side": False, "seconds": {"plan": 1.0}}
-
-
 def measured(seed: int) -> Row:
     places = {"root_mm": 1.51, "root_blind_mm": 1.9, "bevel_deg": 40.02, "bevel_blind_deg": 40.12}
     places |= {"correction_u_mm": 0.01, "correction_u_deg": 0.02}
@@ -62,18 +57,6 @@ CASES: dict[str, tuple[str, Callable[[int], Row], list[tuple[Values, str]]]] = {
         "planned",
         stiffness,
         [({"error": [0.04] * 6}, "errors over their bound"), ({"nees": 24.0}, "coverage of the ellipsoid")],
-    ),
-    "planning": (
-        "raw_rough",
-        planning,
-        [
-            ({"distance_mm": 0.061}, "distance"),
-            ({"axis_deg": 0.16}, "axis"),
-            ({"spacing": 0.06}, "spacing"),
-            ({"reachable_lost": 0.02}, "coverage of the edge"),
-            ({"wrong_side": True}, "wrong side"),
-            ({"blind": 1}, "invented edge"),
-        ],
     ),
     "measured_loop": (
         "repeating",
@@ -119,7 +102,7 @@ def test_what_falls_short_is_told_by_its_goal(name: str, changed: Values, words:
 
 @pytest.mark.parametrize("name", CASES)
 def test_refusals_and_crashes_are_told_with_the_first(name: str) -> None:
-    lost = [{"condition": CASES[name][0], "seed": 41, "refused": "no edge in view", "seen_share": 0.2}]
+    lost = [{"condition": CASES[name][0], "seed": 41, "refused": "no edge in view"}]
     lost += [{"condition": CASES[name][0], "seed": 42, "crashed": "KeyError"}]
     short, text = judged(name, [*rows(name, 12), *lost])
     assert f"| {CASES[name][0]} | refused | 1 | 41 | no edge in view |" in text

@@ -23,7 +23,7 @@ from workbench.scan import write
 from workbench.user_folder import UserFolder
 
 SOURCES = tuple(ROOT / name for name in ("workbench/synthetic", "bench/score", "bench/drawn", "bench/simulators"))
-JUDGES = ("__main__.py", "laws.py", "measure.py", "scorer.py", "table.py")  # draw nothing
+JUDGES = ("__main__.py", "measure.py", "scorer.py", "table.py")  # draw nothing
 OTHERS = tuple(ROOT / "bench" / name for name in ("outside.py", "odd_plates.py", "faulty.py", "recordings.py"))
 
 

@@ -1,7 +1,4 @@
-"""Random calibration recordings under named conditions: each function makes a drawn recipe what its name says.
-
-Those of DEGENERATE determine nothing, whatever the noise; those of SOUND determine the hand-eye pose.
-"""
+"""Random calibration recordings under named conditions: each function makes a drawn recipe what its name says."""
 
 from __future__ import annotations
 
@@ -22,12 +19,11 @@ RADIUS_MM = 5.0
 def random_sphere_recipe(condition: str, seed: int) -> SphereRecipe:
     """A calibration recording drawn at random under `condition`; the same seed gives the same recipe.
 
-    Unless the condition (a key of SOUND or DEGENERATE) says otherwise: nine postures of a 10 mm sphere within 25 deg
+    Unless the condition (a key of SOUND) says otherwise: nine postures of a 10 mm sphere within 25 deg
     an axis, noise 0.015 mm at a pitch of 0.05 mm, pose noise 0.07 mm and 0.01 deg an axis, the design's hand-eye pose
     off by up to 20 deg and 50 mm, z away from the sensor or towards it.
     """
-    known = SOUND | DEGENERATE
-    rng = begun(condition, seed, known)
+    rng = begun(condition, seed, SOUND)
     document: Document = {
         "format": "sphere-recipe",
         "title": condition,
@@ -48,7 +44,7 @@ def random_sphere_recipe(condition: str, seed: int) -> SphereRecipe:
         },
         "passes": postures(rng, 9),
     }
-    known[condition](rng, document)
+    SOUND[condition](rng, document)
     return parse_sphere_recipe(document, source=condition)
 
 
@@ -121,15 +117,6 @@ def scans(rng: Generator, document: Document) -> None:
     _own_clock(rng, document)
 
 
-def scans_alike(rng: Generator, document: Document) -> None:
-    """Six scans that all move alike: the clock's offset cannot be told from a shift along the motion."""
-    scans(rng, document)
-    along = [rng.uniform(-2, 2), -11.0, rng.uniform(-2, 2)]
-    for one in document["passes"]:
-        start = [one["sphere_mm"][0], 5.5, one["sphere_mm"][2]]
-        one |= {"sphere_mm": start, "to_mm": [a + b for a, b in zip(start, along, strict=True)]}
-
-
 def weaved(rng: Generator, document: Document) -> None:
     """The same in 6 s each about the middle of the view, weaved by 12 mm and 3 deg, poses at 50 Hz."""
     weave = {"weave_mm": 12.0, "weave_deg": 3.0, "seconds": 6.0}
@@ -168,52 +155,5 @@ def grid(rng: Generator, document: Document) -> None:
     ]
 
 
-def same_orientation(rng: Generator, document: Document) -> None:
-    """All in one orientation."""
-    for one in document["passes"]:
-        one["turn_deg"] = document["passes"][0]["turn_deg"]
-
-
-def one_axis(rng: Generator, document: Document) -> None:
-    """All turned about one axis."""
-    axis = rng.normal(size=3)
-    axis /= np.linalg.norm(axis)
-    for one in document["passes"]:
-        one["turn_deg"] = [float(v) for v in axis * rng.uniform(-TURN_DEG, TURN_DEG)]
-
-
-def two_orientations(rng: Generator, document: Document) -> None:
-    """Two orientations."""
-    both = turn(rng), turn(rng)
-    for index, one in enumerate(document["passes"]):
-        one["turn_deg"] = both[index % 2]
-
-
-def one_point(rng: Generator, document: Document) -> None:
-    """The sphere at one place of the view."""
-    for one in document["passes"]:
-        one["sphere_mm"] = document["passes"][0]["sphere_mm"]
-
-
-def collinear(rng: Generator, document: Document) -> None:
-    """The sphere's centres on one line of the view: the hand-eye pose may turn about it."""
-    first, last = place(rng), place(rng)
-    for one in document["passes"]:
-        share = rng.uniform(0, 1)
-        one["sphere_mm"] = [(1 - share) * a + share * b for a, b in zip(first, last, strict=True)]
-
-
-def two_postures(rng: Generator, document: Document) -> None:
-    """Two postures."""
-    document["passes"] = document["passes"][:2]
-
-
-def repeats(rng: Generator, document: Document) -> None:
-    """Three postures, each gone to three times, as in the paper."""
-    document["passes"] = [one for one in document["passes"][:3] for _ in "abc"]
-
-
 _SOUND = (nine, six, equator, stray, gross, systematic, smooth, scans, weaved, scans_common, weaved_common, grid)
 SOUND: dict[str, Condition] = {f"sphere_{c.__name__}": c for c in _SOUND}
-_OPEN = (same_orientation, one_axis, two_orientations, one_point, collinear, two_postures, repeats, scans_alike)
-DEGENERATE: dict[str, Condition] = {c.__name__: c for c in _OPEN}

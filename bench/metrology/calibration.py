@@ -6,16 +6,15 @@ Beside it planned postures beside random ones.
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
 
-from bench.drawn.spheres import DEGENERATE, SOUND, random_sphere_recipe
+from bench.drawn.spheres import SOUND, random_sphere_recipe
 from bench.metrology.sphere_truth import Cell, bound, cell_of, circles
-from bench.metrology.study import HEAD, NAME, PARTS, REFUSED, Condition, Row, Study, marked
+from bench.metrology.study import HEAD, NAME, PARTS, Condition, Row, Study, marked
 from workbench.errors import WorkbenchError
 from workbench.geometry.poses import pose_from, rotation_from_quaternion, rotation_from_rpy, rotation_from_vector
 from workbench.plugins.calibration import circles as find_circles
@@ -38,7 +37,7 @@ from workbench.synthetic.workpiece import pose as placed
 from workbench.units import DEG, Bool, Float
 
 SCANS = ("sphere_scans", "sphere_weaved", "sphere_scans_common", "sphere_weaved_common")
-PROFILES = ("sphere_stray", *SCANS, "scans_alike")  # these are measured from the points on
+PROFILES = ("sphere_stray", *SCANS)  # these are measured from the points on
 UNKNOWN_RADIUS_MM = 5.0
 UNKNOWN_MM, UNKNOWN_RAD, UNKNOWN_CENTER_MM = 50.0, 20 * DEG, 100.0  # before any posture
 RADIUS_U_MM = 0.05
@@ -219,28 +218,10 @@ COVER_GOAL = dict.fromkeys(("sphere_nine", "sphere_six", "sphere_stray", *SCANS)
 )
 CORRELATED_GOAL = (0.90, 0.98)
 FLAGGED_GOAL, GROSS_GOAL, PLAN_GOAL, OFFSET_GOAL, ROTATION_GOAL_DEG = 0.90, 1.1, 0.67, 1.15, 0.03
-NAMED = re.compile(r"do not determine the (translation|rotation|clock's offset)|distinct postures.*undetermined")
-
-
-def named(refusal: str) -> bool:
-    """Whether a refusal says in words what is not determined."""
-    return bool(NAMED.search(refusal))
-
-
-def advice(refusal: str) -> str:
-    """Of a refusal the predicted uncertainty, and what it says last: what would mend it."""
-    predicted = re.search(r"predicted uncertainty ([\d.]+ mm)", refusal)
-    last = refusal.rpartition("; ")[2]
-    return f"{predicted[1]}: {last}" if predicted else last
 
 
 def goals(c: Condition) -> Iterator[tuple[bool, str]]:
     name, refused = c.name, c.having("refused")
-    if name in DEGENERATE:
-        unnamed = sum(not named(row["refused"]) for row in refused)
-        yield len(refused) < len(c.rows), f"{len(c.rows) - len(refused)} not refused"
-        yield unnamed > 0, f"{unnamed} refusals name no direction"
-        return
     signs, silent = c.total("wrong_sign"), c.total("silently_wrong")
     yield name in NEVER_REFUSED and bool(refused), f"{len(refused)} sound sets refused"
     yield signs > 0 and name != "sphere_equator", f"{signs} with wrong signs"
@@ -268,11 +249,11 @@ def offset_over_bound(c: Condition) -> float:
 
 
 def _has(name: str) -> Any:
-    return lambda c: c.name not in DEGENERATE and len(c.values(name)) > 0
+    return lambda c: len(c.values(name)) > 0
 
 
 STUDY = Study(
-    conditions=(*SOUND, "sphere_planned", *DEGENERATE),
+    conditions=(*SOUND, "sphere_planned"),
     parts=500,
     page="calibration_metrology.md",
     measure=measure,
@@ -325,20 +306,6 @@ STUDY = Study(
                 ("vol RMSE, mm", lambda c: f"{c.rms('vol_mm'):.3f}"),
             ),
             _has("over_random"),
-        ),
-        (
-            "Sets that determine nothing",
-            (
-                ("set", lambda c: c.name),
-                PARTS,
-                REFUSED,
-                ("direction named", lambda c: sum(named(row["refused"]) for row in c.having("refused"))),
-                (
-                    "the first one: predicted u over the field of view, advice",
-                    lambda c: advice(next((row["refused"] for row in c.having("refused")), "")),
-                ),
-            ),
-            lambda c: c.name in DEGENERATE,
         ),
     ),
 )

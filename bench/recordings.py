@@ -6,6 +6,7 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from workbench.artefacts import Recording
 from workbench.geometry.poses import quaternion_from_rotation
@@ -62,3 +63,28 @@ def dense_stream(r: Recording) -> Recording:
     """The same poses, told at every frame's time."""
     poses = flange_poses(r)
     return told(r, poses[:, :3, 3], poses[:, :3, :3])
+
+
+SHIFT_MM = np.array([300.0, -200.0, 50.0])
+TURN = Rotation.from_rotvec([0.0, 0.0, 1.27]).as_matrix()
+
+
+def moved(r: Recording) -> Recording:
+    """The robot's base elsewhere, and turned by 73 deg."""
+    poses = flange_poses(r)
+    return told(r, poses[:, :3, 3] @ TURN.T + SHIFT_MM, TURN @ poses[:, :3, :3])
+
+
+def mirrored(r: Recording) -> Recording:
+    """All of it in a mirror: x of sensor, flange and base."""
+    poses, m = flange_poses(r), np.diag([-1.0, 1.0, 1.0, 1.0])
+    place, turn = poses[:, :3, 3] * [-1.0, 1.0, 1.0], m[:3, :3] @ poses[:, :3, :3] @ m[:3, :3]
+    return told(r, place, turn, x_mm=-r.x_mm, flange_from_profiler=m @ r.flange_from_profiler @ m)
+
+
+def backwards(r: Recording) -> Recording:
+    """The scan run the other way: frames and passes in the opposite order."""
+    poses, last = flange_poses(r)[::-1], r.time_s[-1] + r.time_s[0]
+    turned = frames(r, np.arange(len(r.time_s))[::-1])
+    turned = with_values(turned, time_s=last - turned.time_s, pass_index=r.pass_index.max() - turned.pass_index)
+    return told(turned, poses[:, :3, 3], poses[:, :3, :3])

@@ -14,14 +14,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
-from bench.recordings import columns, dense_stream, frames, told, with_values
+from bench.recordings import SHIFT_MM, TURN, backwards, columns, dense_stream, frames, mirrored, moved, with_values
 from bench.score.measure import Result, alone
 from bench.score.parts import Drawn
 from tests.laws.dozen import DOZEN
 from workbench.artefacts import Recording
-from workbench.scan.fuse import flange_poses
 
 ENGINE = "WORKBENCH_SCORED_ENGINE"
 GROWS = 1.1  # by which u may grow with more information
@@ -44,31 +42,6 @@ POORER: dict[str, Change] = {
     "the first pass alone": lambda r: frames(r, r.pass_index == r.pass_index[0]),
     "the last pass alone": lambda r: frames(r, r.pass_index == r.pass_index[-1]),
 }
-
-
-SHIFT_MM = np.array([300.0, -200.0, 50.0])
-TURN = Rotation.from_rotvec([0.0, 0.0, 1.27]).as_matrix()
-
-
-def moved(r: Recording) -> Recording:
-    """The robot's base elsewhere, and turned by 73 deg."""
-    poses = flange_poses(r)
-    return told(r, poses[:, :3, 3] @ TURN.T + SHIFT_MM, TURN @ poses[:, :3, :3])
-
-
-def mirrored(r: Recording) -> Recording:
-    """All of it in a mirror: x of sensor, flange and base."""
-    poses, m = flange_poses(r), np.diag([-1.0, 1.0, 1.0, 1.0])
-    place, turn = poses[:, :3, 3] * [-1.0, 1.0, 1.0], m[:3, :3] @ poses[:, :3, :3] @ m[:3, :3]
-    return told(r, place, turn, x_mm=-r.x_mm, flange_from_profiler=m @ r.flange_from_profiler @ m)
-
-
-def backwards(r: Recording) -> Recording:
-    """The scan run the other way: frames and passes in the opposite order."""
-    poses, last = flange_poses(r)[::-1], r.time_s[-1] + r.time_s[0]
-    turned = frames(r, np.arange(len(r.time_s))[::-1])
-    turned = with_values(turned, time_s=last - turned.time_s, pass_index=r.pass_index.max() - turned.pass_index)
-    return told(turned, poses[:, :3, 3], poses[:, :3, :3])
 
 
 def counted_back(r: Recording) -> Recording:

@@ -31,8 +31,7 @@ def denoise(
     """Reject isolated returns and short streaks, on the scanner's own grid.
 
     A return is kept if it continues the line of two neighbours in its profile, lies between two of them, or agrees with
-    the same column of the next frames; runs of fewer than four that stand off are specular streaks. Points are marked,
-    not removed.
+    the same column of the next frames. Points are marked, not removed.
 
     Args:
         cloud: the organised cloud.

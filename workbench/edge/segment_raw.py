@@ -92,8 +92,8 @@ def segment_raw(
 
     Args:
         cloud: the organised cloud of one edge, in one or more passes.
-        upper_side: direction in the base, to 25 deg, from the plate's lower to its upper surface, of any length. A raw
-            edge does not show its sides.
+        upper_side: direction in the base, to 25 deg, from the plate's lower to its upper surface; a raw edge does not
+            show it.
         z_away: z counts away from the sensor; null: from the rays and the surfaces. Needed where only the end face is
             in view.
         edge_condition: as in `edge.segment`, of both edges.

@@ -26,10 +26,10 @@ def gate(
     ),
     least_measured_share: Annotated[float, Field(ge=0, le=1)] = LEAST_SHARE,
 ) -> Gate:
-    """Let a part through whose verdict is `pass`; any other gives the exit status 1.
+    """Pass a part on if its verdict is `pass`; any other verdict gives exit status 1.
 
-    A part of which too little was measured does not pass either. The reason and the run's warnings say where
-    `undecided`, or less than two thirds of the edge, was accepted.
+    A part of which too little was measured does not pass either. The run's warnings say where `undecided`, or less than
+    two thirds of the edge, was accepted.
 
     Args:
         inspection: the judged part.

@@ -181,7 +181,7 @@ def groove_gate(
     *,
     accept_unjudged: bool = True,
 ) -> Gate:
-    """Let a groove through whose verdict is `pass`, or of which nothing was required; the run's warnings say so.
+    """Pass a groove on if its verdict is `pass`, or if nothing was required (with a warning).
 
     Args:
         inspection: the judged groove.

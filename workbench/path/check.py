@@ -70,11 +70,10 @@ def check(
 ) -> PathGate:
     """Check a path against edge and cloud; only a path that passes becomes a program.
 
-    Layers end on the finished bevel, each no deeper than the depth of cut; key points are 1 mm apart; nothing is cut
-    where nothing was measured. Frames have no jump, the cutter's axis lies in the bevel face, its shank on the upper
-    side. The cutter meets no clamp and enters what remains by at most `penetration_mm` + 3 u. Feeds stay within v_slow,
-    v_fast and the acceleration. With a predicted deflection or a correction (`path.correct`) the loaded tool, too, must
-    come where planned.
+    Layers end on the finished bevel, each no deeper than the depth of cut; nothing is cut where nothing was measured.
+    Frames have no jump, the cutter's axis lies in the bevel face, its shank on the upper side. The cutter meets no
+    clamp and enters what remains by at most `penetration_mm` + 3 u. Feeds stay within v_slow, v_fast and the
+    acceleration. With a predicted deflection or a correction the loaded tool must come where planned, too.
 
     Without evidence of where the part stands the path is a shape only (docs/planning.md). A `penetration_mm` above
     0.05, or a path that rests on one not yet milled, loosens the check. Either way the exit status is 1.
@@ -90,8 +89,8 @@ def check(
         acceleration_mm_s2: greatest change of the feed, per time.
         penetration_mm: how deep the cutter may enter what must remain, besides 3 u of the edge.
         rests_milled: the path that this one rests on (a compound bevel's upper one) has been milled.
-        touched_mm: points of the part's surface that the robot's tool touched, x, y, z in the base: on two faces, at
-            both ends, near the edge and away from it. A scan off by more than 0.5 mm is refused.
+        touched_mm: points of the part's surface that the robot's tool touched, x, y, z in the base (docs/planning.md,
+            "Where the part stands").
 
     Raises:
         InputError: the prediction, or the correction, is of another path.

@@ -36,10 +36,9 @@ def check_file(
 ) -> PathGate:
     """Check a path from a file, without a scan.
 
-    A path refused or changed according to its file stays refused. Poses must be finite, layers step down to the final
-    one, and the cutter be nowhere deeper than `penetration_mm` in the final face. Without a check in the file the
-    programs say that the workpiece was not looked at; without evidence of where the part stands (`path.check`) the path
-    is a shape only.
+    A path that its file says was refused or changed stays refused. Layers step down to the final one, and the cutter is
+    nowhere deeper than `penetration_mm` in the final face. Without a check in the file the programs say that the
+    workpiece was not looked at; without evidence of where the part stands the path is a shape only.
 
     Args:
         toolpath: the path.

@@ -108,8 +108,8 @@ def correct(
         yield_share: share of the stock's height by which cutter and robot may give way, if not predicted.
         wear_mm: loss of the cutter's radius between first cut and finishing pass; 0 if changed or measured.
         most_moved_mm: greatest distance of the lower edge from that of the first scan.
-        earlier: the correction.json of the part before, of the same batch (tool, place, first path): what repeats is
-            then estimated from all parts; null: from this one.
+        earlier: the correction.json of the part before of the same batch: what repeats is estimated from all parts;
+            null: from this one.
 
     Raises:
         InputError: a path without a finishing pass, an inspection of another edge, a prediction of another path;

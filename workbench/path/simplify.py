@@ -44,11 +44,10 @@ def simplify(
 ) -> Moves:
     r"""Replace runs of key points by straight moves and circular arcs.
 
-    From each target the longest straight or circular move is taken whose skipped points all lie within both tolerances,
-    in order, with the controller's rotation (slerp in the frame of the work object: `CirPathMode\ObjectFrame` of ABB,
-    `$CIRC_TYPE = #BASE` of KUKA). A move's feed is the slowest of its points; arcs turn at most 170 deg. With postures
-    the targets are those of the turned tool, in the base, with the turntable's angles; while the turntable turns,
-    every point is the target of a straight move.
+    From each target the longest straight or circular move is taken whose skipped points lie within both tolerances,
+    with the controller's rotation (slerp in the frame of the work object). A move's feed is the slowest of its points;
+    arcs turn at most 170 deg. With postures, targets are in the base at the turntable's angles; while the turntable
+    turns, every point is the target of a straight move.
 
     Args:
         toolpath: the path; its frame stays.

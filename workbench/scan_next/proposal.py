@@ -119,10 +119,9 @@ def next_(
 ) -> tuple[Document | Chapter, ...]:
     """Name the pass that would decide an undecided inspection.
 
-    Of elevations 10 deg apart the one that, added to the passes that are there, will probably decide most sections, by
-    the u that `scan.plan` predicts and the sizes that may then come out. `next_scan.json` is an `edge` for
-    `plan_scan.json`, which checks it against robot and fixtures; it is written only if some section is decided more
-    likely than not, and promises those with a probability of 95 %.
+    Of elevations 10 deg apart it is the one that will probably decide most sections (docs/scan_planning.md, "What
+    next"). `next_scan.json` is an `edge` for `plan_scan.json`; it is written only if some section is decided more
+    likely than not.
 
     Args:
         cloud: the recording that was inspected.

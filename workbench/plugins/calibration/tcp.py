@@ -98,9 +98,8 @@ def tcp(
     """Determine the tool's points on the flange from touches, and its axis from two of them.
 
     Weighted least squares: touch i means R_i p + t_i = c, or |R_i p + t_i - c| = d (`stand_off_mm`), for the tool point
-    p and the reference c (unknown, typed, or scanned). Touches less than 1 deg apart weigh as one; one off by 5
-    standard deviations is left out, with the cause. The first tool point is the tip; the axis runs to it from the last
-    one (docs/howto/calibrate_tool.md).
+    p and the reference c. Touches less than 1 deg apart weigh as one; one off by 5 standard deviations is left out,
+    with the cause. The first tool point is the tip, the last one gives the axis (docs/howto/calibrate_tool.md).
 
     Args:
         profiles: of scanned references: circles from `calibrate.circles`.
@@ -113,8 +112,7 @@ def tcp(
         touch_noise_mm: of a touch, each axis.
         reference_u_mm: standard uncertainty, each axis, of a reference that the table gives.
         max_u_mm: greatest accepted u of a tool point along any direction.
-        least_reach_mm: least distance of a tool point from the flange's middle: smaller ones are positions in metres or
-            inches.
+        least_reach_mm: least distance of a tool point from the flange's middle (smaller: metres or inches?).
         root_tolerance_mm: of the root face that the tool must serve.
         bevel_deg: angle of the bevel that it mills.
         part: robot, robot_serial, recorded_at (ISO 8601), operator, for the file and the page.

@@ -103,8 +103,8 @@ def identify_forces(
         tool: that cut, for the file.
         radial_depth_mm: of the cut; null: a slot.
         direction: of a partial cut, which changes the means.
-        axes: dynamometer axes that point across the feed into the material, along the feed, and from shank to tip
-            (force on the cutter); null: found from the signs and the sense of rotation.
+        axes: dynamometer axes (force on the cutter) across the feed into the material, along the feed, and from shank
+            to tip; null: found from the signs and the sense of rotation.
         bandwidth_hz: of the dynamometer's flat response; nothing above it is used.
         rate_hz: of tables without time_s.
         helix_deg: of the cutter, right-hand; affects only the run-out.

@@ -163,6 +163,8 @@ def sensor(tmp_path: Path, **changes: Any) -> Path:
 def test_bad_input_ends_in_one_line(tmp_path: Path) -> None:
     far = tmp_path / "far.json"
     far.write_text(json.dumps({"format": "edge-line", "version": 1, "points_mm": [[9000, 0, 0], [9100, 0, 0]]}))
+    metres = tmp_path / "metres.csv"
+    metres.write_text("x_mm,y_mm,z_mm\n1.5,0,0.8\n1.62,0,0.8\n")
     arc = tmp_path / "arc.dxf"
     arc.write_text("0\nLWPOLYLINE\n10\n0\n20\n0\n42\n0.5\n10\n9\n20\n0\n0\nEOF\n")
     cases: list[tuple[dict[str, Any], str]] = [
@@ -171,6 +173,7 @@ def test_bad_input_ends_in_one_line(tmp_path: Path) -> None:
         ({"thickness_mm": 90.0}, "cannot be measured with this sensor"),
         ({"root_tolerance_mm": (0.0, 0.0), "wanted_root_mm": None}, "tolerance of some width"),
         ({"edge": arc}, "found an arc"),
+        ({"edge": metres}, "in metres"),
         ({"edge": far, "upper_side": (1.0, 0.0, 0.0)}, "upper side across the edge"),
     ]
     for given, words in cases:

@@ -15,6 +15,7 @@ from workbench.geometry.poses import pose_from
 from workbench.scan_plan.information import BESIDE_MM, Joint, Profiler, View
 from workbench.units import Float, Shaped
 
+LEAST_MM = 5.0  # of edge, as an inspection needs
 DRIFT, MOST_DRIFT = 0.2, 0.1  # columns per mm of edge, and the most, as a share of the columns
 STATION_MM, SMOOTH_MM = 2.0, 10.0
 
@@ -44,7 +45,7 @@ class EdgeLine:
         A scanner that follows errors of taught points swings, a stand-off away. `upper_side` (3,) or (p, 3): roughly m.
 
         Raises:
-            InputError: fewer than two different points, or an upper side along the edge.
+            InputError: fewer than two different points, less than 5 mm of edge, or an upper side along the edge.
         """
         step = np.linalg.norm(np.diff(points_mm, axis=0), axis=1)
         points = points_mm[np.append(True, step > 1e-6)]
@@ -52,6 +53,9 @@ class EdgeLine:
             raise InputError(str(source), "expected at least two different points")
         upper = np.broadcast_to(upper_side, points_mm.shape)[np.append(True, step > 1e-6)]
         along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+        if along[-1] < LEAST_MM:
+            why = f"expected an edge of {LEAST_MM:g} mm and more, found {along[-1]:.2g}: are its points in metres?"
+            raise InputError(str(source), why)
         at = np.linspace(0.0, along[-1], max(2, round(along[-1] / STATION_MM) + 1))
         both = np.union1d(along, at)  # a long straight piece holds the curve too
         every = np.stack([np.interp(both, along, of) for of in points.T])

@@ -174,6 +174,7 @@ def test_bad_input_ends_in_one_line(tmp_path: Path) -> None:
         ({"root_tolerance_mm": (0.0, 0.0), "wanted_root_mm": None}, "tolerance of some width"),
         ({"edge": arc}, "found an arc"),
         ({"edge": metres}, "in metres"),
+        ({"most_speed_mm_s": 0.01}, "between frames"),
         ({"edge": far, "upper_side": (1.0, 0.0, 0.0)}, "upper side across the edge"),
     ]
     for given, words in cases:

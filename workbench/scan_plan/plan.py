@@ -66,6 +66,7 @@ from workbench.units import DEG, Bool, Float, Shaped
 ELEVATION_STEP = 10.0 * DEG  # at most, between candidates
 LEADS_DEG = (0.0, -15.0, 15.0)
 PITCHES = (1.0, 0.63, 0.4)  # between frames, of the distance at the greatest speed
+LEAST_PITCH_MM = 0.02  # of these: a rehearsal of more frames takes minutes
 TABLES_DEG = (0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0, 120.0, -120.0, 150.0, -150.0, 180.0)
 STATION_MM = 10.0  # along the edge, at which reach, rays and U are looked at
 OVERRUN_MM = 4.0  # of a pass beyond the edge's ends
@@ -231,6 +232,10 @@ def plan(
     if min(wanted) <= 0.0:
         raise InputError("scan.plan", "expected a tolerance of some width, or a wanted U above 0")
     task = Task(joint, profiler, known, line, wanted, passes, frame_rate_hz, most_speed_mm_s)
+    if task.pitches_mm[-1] < LEAST_PITCH_MM:
+        least, apart = LEAST_PITCH_MM / PITCHES[-1], most_speed_mm_s / frame_rate_hz
+        why = f"expected {least:g} mm and more between frames, found {apart:.2g}: too slow a robot?"
+        raise InputError("scan.plan.most_speed_mm_s", why)
     place, unchecked = _placed(cell, file, eye, task, tool_stays=tool_stays, z_away=z_away)
     made = planned(task, place, (*unchecked, *((NO_ROUGHNESS,) if rough is None else ())))
     gate = _gate(made)

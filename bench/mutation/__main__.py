@@ -29,6 +29,12 @@ TESTS = {
     "workbench/program": ["tests/program", "tests/robot/test_judge.py"],
     "workbench/robot": ["tests/robot", "tests/program"],
     "workbench/plugins/calibration": ["tests/plugins/calibration"],
+    "workbench/plugins/stiffness": ["tests/plugins/stiffness"],
+    "workbench/pipeline": ["tests/pipeline", "tests/test_storage.py", "tests/test_cli.py"],
+    "workbench/report": ["tests/report"],
+    "workbench/compare": ["tests/compare"],
+    "workbench/export": ["tests/export"],
+    "workbench/batch": ["tests/batch"],
 }
 
 

@@ -27,15 +27,6 @@ def test_derivative_of_the_jacobian(chain: Chain, by_pin: Any, postures: Any) ->
             assert np.abs(ours[:, :, j] - difference / (2 * step)).max() < 1e-8
 
 
-def test_table_a1_has_the_dexterity_of_the_notes(chain: Chain) -> None:
-    """1/omega = 0.372, 0.512, 0.353 m^-3, by numbers that were found outside this code."""
-    q = abb_angles(np.radians([(0, 93, -5, 45, 45, 45), (0, 113, -26, 45, 45, 45), (0, 88, -12, 45, 45, 45)]), "dh")
-    omega = np.abs(np.linalg.det(METRES * jacobian(chain, q)))
-    assert np.abs(1 / omega - [0.372, 0.512, 0.353]).max() < 5e-4
-    low, high = chain.limits.T
-    assert ((low <= q) & (q <= high)).all()
-
-
 def test_dh_convention_is_the_standard_dh_chain(chain: Chain) -> None:
     """Denavit-Hartenberg's own product of matrices, with the robot's lengths, is what 'dh' angles mean."""
     theta = np.radians([12.0, 93.0, -5.0, 45.0, 33.0, -70.0])

@@ -47,7 +47,6 @@ def test_the_hand_eyes_uncertainty_is_that_of_its_points() -> None:
     covariance = root @ root.T
     cloud = cloud_of(covariance)
     found = scan_uncertainty(cloud)
-    assert found is not None
     drawn = rng.multivariate_normal(np.zeros(6), covariance, 40_000)
     worst = 0.0
     for x in np.linspace(-40, 40, 9):
@@ -60,8 +59,6 @@ def test_the_hand_eyes_uncertainty_is_that_of_its_points() -> None:
 
 def test_it_widens_what_bodies_must_keep(cell: Cell) -> None:
     sure, unsure = (plate(cell, cloud_of(np.diag([u, u, u, 1e-8, 1e-8, 1e-8]))) for u in (1e-12, 0.25))
-    assert sure is not None
-    assert unsure is not None
     near = [np.array(CollisionScreen(one).least_mm) for one in (sure, unsure)]
     part = [
         i
@@ -75,15 +72,12 @@ def test_it_widens_what_bodies_must_keep(cell: Cell) -> None:
 def test_a_hand_eye_without_covariance_is_told(cell: Cell) -> None:
     blind = dataclasses.replace(cell, margins=dataclasses.replace(cell.margins, part_mm=0.0))
     told = plate(blind, cloud_of(None))
-    assert told is not None
     assert any("neither the calibration states it" in text for text in told.unchecked)
     stated = dataclasses.replace(cell, margins=dataclasses.replace(cell.margins, part_mm=0.1))
     told = plate(stated, cloud_of(None))
-    assert told is not None
     assert told.unchecked == tuple(text for text in cell.unchecked if not text.startswith("collision with the work"))
     assert any("the calibration states no covariance" in text for text in told.unseen)
     sure = plate(stated, cloud_of(np.eye(6) * 1e-6))
-    assert sure is not None
     assert not any("hand-eye" in text for text in (*sure.unchecked, *sure.unseen))
 
 
@@ -92,12 +86,9 @@ def test_a_scan_as_a_file_is_the_same_body(cell: Cell, tmp_path: Path) -> None:
     points = np.array([[1700.0, 0, 750], [1703.0, 2, 752], [1712.0, 20, 753]])
     np.savetxt(tmp_path / "plate.xyz", points)
     file, upstream = plate(cell, scan=tmp_path / "plate.xyz"), plate(cell, cloud_of(None), PointSet(points))
-    assert file is not None
-    assert upstream is not None
     assert [one.pose.tolist() for one in file.shapes] == [one.pose.tolist() for one in upstream.shapes]
     assert (file.may_touch, file.unchecked, file.unseen) == (upstream.may_touch, upstream.unchecked, upstream.unseen)
     alone = plate(cell)
-    assert alone is not None
     assert (alone.shapes, alone.may_touch) == (cell.shapes, cell.may_touch)
     np.savetxt(tmp_path / "plate.xyz", points / 1e3)
     with pytest.raises(InputError, match=r"plate.xyz.*metres"):
@@ -108,8 +99,6 @@ def test_a_path_alone_says_how_well_its_hand_eye_was_known(cell: Cell) -> None:
     path = read(toolpath=ROOT / "data/synthetic/paths/raw_arc.json")
     known = dataclasses.replace(path, part=dataclasses.replace(path.part, hand_eye_u_mm=0.3))
     sure, unsure = (plate(cell, toolpath=one) for one in (path, known))
-    assert sure is not None
-    assert unsure is not None
     assert sure.margins == cell.margins
     assert any("hand-eye" in text for text in (*sure.unchecked, *sure.unseen))
     assert not any("hand-eye" in text for text in (*unsure.unchecked, *unsure.unseen))
@@ -121,7 +110,6 @@ def test_a_cloud_without_a_grid_is_a_body_whole(cell: Cell) -> None:
     clamp = np.array([[1700.0, 0, 750], [1703.0, 2, 752]])
     body = [plate(cell, cloud_of(None), points) for points in (None, PointSet(clamp))]
     for found, held in zip(body, (False, True), strict=True):
-        assert found is not None
         shapes = [one for one in found.shapes if one.body == "workpiece"]
         table = turntable_pose(found, 0.0)
         near = [np.linalg.norm((table @ one.pose)[:3, 3] - clamp[0]) < 10 for one in shapes]

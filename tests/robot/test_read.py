@@ -8,19 +8,11 @@ from typing import Any
 import numpy as np
 import open3d
 import pytest
-from pydantic import BaseModel
 
 from workbench.errors import InputError
-from workbench.robot import Cell, CollisionModel, forward_kinematics, inverse_kinematics, read_cell
-from workbench.robot import cell_file as cell_file_module
+from workbench.robot import Cell, CollisionModel, inverse_kinematics, read_cell
 
 DATA = Path(__file__).parents[2] / "data" / "robot"
-
-
-def test_a_pose_is_a_matrix_or_position_and_quaternion(cell_file: Any) -> None:
-    pose = {"position_mm": [260, 0, 140], "quaternion_wxyz": [0, 0.7071067811865476, 0, 0.7071067811865476]}
-    other = read_cell(cell_file(lambda tree: tree["tool"].update(flange_from_cutter=pose)))
-    assert np.abs(other.flange_from_cutter - read_cell(cell_file()).flange_from_cutter).max() < 1e-12
 
 
 def test_coaxial_spindle_is_pointed_out(cell_file: Any) -> None:
@@ -125,9 +117,7 @@ REFUSED: list[tuple[str, Any, str]] = [
 
 
 @pytest.mark.parametrize(("place", "value", "message"), REFUSED)
-def test_bad_and_implausible_cells_are_refused_in_one_line(
-    cell_file: Any, place: str, value: Any, message: str, capfd: Any
-) -> None:
+def test_bad_and_implausible_cells_are_refused_in_one_line(cell_file, place, value, message, capfd):
     path = cell_file(lambda tree: put(tree, place, value))
     box = open3d.geometry.TriangleMesh.create_box(0.1, 0.2, 0.05)
     open3d.io.write_triangle_mesh(path.with_name("metres.stl"), box.compute_triangle_normals())
@@ -256,16 +246,6 @@ def test_scanned_cloud_is_a_workpiece(cell_file: Any, name: str) -> None:
     assert inside.any(axis=1).all()
 
 
-def test_spindle_runs_into_a_scanned_cloud(cell_file: Any) -> None:
-    q = np.radians([0.0, 30, 10, 0, 40, 0])
-    cutter = forward_kinematics(read_cell(cell_file()).chain, q) @ read_cell(cell_file()).flange_from_cutter
-    on_table = cutter[:3, 3] - 150 * cutter[:3, 2] - [2000, 0, 500]
-    around = np.random.default_rng(2).normal(0, 20, (500, 3)) + on_table
-    assert CollisionModel(read_cell(cell_file())).collision(q) is None
-    assert CollisionModel(cloud_cell(cell_file, around)).collision(q) == ("tool", "workpiece")
-    assert CollisionModel(cloud_cell(cell_file, around + np.array([0, 600, 0]))).collision(q) is None
-
-
 def test_a_large_scan_gets_a_coarser_grid(cell_file: Any) -> None:
     """Scattered points make many boxes: cubes grow until they are few enough, and still hold every point."""
     points = np.random.default_rng(5).uniform(0, 900, (3000, 3))
@@ -274,29 +254,6 @@ def test_a_large_scan_gets_a_coarser_grid(cell_file: Any) -> None:
     high = np.array([box.pose[:3, 3] + np.array(box.size_mm) / 2 for box in boxes])
     assert len(boxes) <= 250
     assert ((points[:, None] >= low) & (points[:, None] <= high)).all(axis=2).any(axis=1).all()
-
-
-def test_cutter_may_mill_what_the_spindle_must_not_touch(cell_file: Any) -> None:
-    def change(tree: Any) -> None:
-        tree["tool"]["shapes"][2]["body"] = "cutter"
-        tree["may_touch"] = [["cutter", "block"]]
-        tree["fixtures"].append({"name": "block", "box_mm": [60, 60, 60], "pose": {"position_mm": place.tolist()}})
-
-    plain, q = read_cell(cell_file()), np.radians([0.0, 30, 10, 0, 40, 0])
-    cutter = forward_kinematics(plain.chain, q) @ plain.flange_from_cutter
-    place = cutter[:3, 3]
-    assert CollisionModel(read_cell(cell_file(change))).collision(q) is None
-    place = cutter[:3, 3] - 150 * cutter[:3, 2]  # up the axis, where the spindle is
-    assert CollisionModel(read_cell(cell_file(change))).collision(q) == ("tool", "block")
-
-
-def test_every_key_of_the_cell_file_is_explained() -> None:
-    text = (Path(__file__).parents[2] / "data" / "robot" / "README.md").read_text()
-    parts = [part for part in vars(cell_file_module).values() if isinstance(part, type) and issubclass(part, BaseModel)]
-    keys = {key for part in parts for key in part.model_fields}
-    assert len(keys) > 30
-    told = {key for line in text.splitlines() if line.startswith("- ") for key in re.findall(r"`(\w+)`", line)}
-    assert sorted(keys - told) == []
 
 
 def test_links_without_bodies_are_named(cell_file: Any, tmp_path: Path) -> None:

@@ -14,15 +14,18 @@ import pytest
 
 from workbench.errors import InputError
 from workbench.robot import forward_kinematics, read_cell, turntable_pose
-from workbench.robot.urdf import read_urdf
 
 URDFS, DATA = Path(__file__).parent / "urdf", Path(__file__).parents[2] / "data/robot"
 ROBOTS = {"kr210": "base_link", "m20ia": "base", "gp25": "base", "ur10e": "base", "puma": "base_link"}
 ROBOTS |= dict.fromkeys(("skewed", "oblique", "irb6700_150_320"), "base_link")
 
 
+def urdf_of(name: str) -> str:
+    return next(one for folder in (URDFS, DATA) if (one := folder / f"{name}.urdf").is_file()).read_text()
+
+
 def cell_with(folder: Path, urdf: str, text: str | None = None, track: Any = None, **robot: Any) -> Path:
-    (folder / "robot.urdf").write_text(text or (URDFS / f"{urdf}.urdf").read_text())
+    (folder / "robot.urdf").write_text(text or urdf_of(urdf))
     tree = {
         "format": "robot-cell",
         "version": 1,
@@ -35,11 +38,10 @@ def cell_with(folder: Path, urdf: str, text: str | None = None, track: Any = Non
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_robots_of_other_makers_are_pins(name: str) -> None:
+def test_robots_of_other_makers_are_pins(tmp_path: Path, name: str) -> None:
     """Forward kinematics equal to pin's own of the same file."""
-    path = next(one for folder in (URDFS, DATA) if (one := folder / f"{name}.urdf").is_file())
-    chain, _ = read_urdf(path, ROBOTS[name], "tool0")
-    model = pin.buildModelFromUrdf(str(path))
+    chain = read_cell(cell_with(tmp_path, name, base_frame=ROBOTS[name])).chain
+    model = pin.buildModelFromUrdf(str(tmp_path / "robot.urdf"))
     data = model.createData()
     q = np.random.default_rng(7).uniform(chain.limits[:, 0], chain.limits[:, 1], (50, 6))
     for row, ours in zip(q, forward_kinematics(chain, q), strict=True):
@@ -52,7 +54,7 @@ def test_robots_of_other_makers_are_pins(name: str) -> None:
 
 def test_a_track_stands_where_the_cell_says(tmp_path: Path) -> None:
     cell = read_cell(cell_with(tmp_path, "track", held={"track": 2500}, base_frame="world"))
-    alone, _ = read_urdf(URDFS / "kr210.urdf", "base_link", "tool0")
+    alone = read_cell(cell_with(tmp_path, "kr210")).chain
     q = np.radians([20, -60, 80, 10, 30, 5])
     shifted = forward_kinematics(alone, q)
     shifted[:3, 3] += [0, 2500, 400]
@@ -64,13 +66,12 @@ def test_a_track_stands_where_the_cell_says(tmp_path: Path) -> None:
 def test_a_track_moves_by_its_joint(tmp_path: Path) -> None:
     """The floor and the rail go the other way past the robot; what its joint tells, the cell file need not."""
     rail = '<collision><origin xyz="0 3 0.1"/><geometry><box size="0.5 8 0.2"/></geometry></collision>'
-    text = (URDFS / "track.urdf").read_text().replace('<link name="world"/>', f'<link name="world">{rail}</link>')
+    text = urdf_of("track").replace('<link name="world"/>', f'<link name="world">{rail}</link>')
     assert rail in text
     cell = read_cell(cell_with(tmp_path, "track", text, track={"joint": "track", "speed_mm_s": 700}))
-    alone, _ = read_urdf(URDFS / "kr210.urdf", "base_link", "tool0")
+    alone = read_cell(cell_with(tmp_path, "kr210")).chain
     q = np.radians([20, -60, 80, 10, 30, 5])
     assert np.abs(forward_kinematics(cell.chain, q) - forward_kinematics(alone, q)).max() < 1e-9
-    assert cell.turntable is not None
     assert np.degrees(cell.turntable.limits) == pytest.approx([0, 6000])
     assert np.degrees(cell.turntable.speed) == pytest.approx(700)
     (body,) = (shape for shape in cell.shapes if shape.body == "world")
@@ -118,7 +119,7 @@ def test_a_parallelogram_is_refused_by_its_joints_name(tmp_path: Path) -> None:
         read_cell(cell_with(tmp_path, "parallelogram"))
     with pytest.raises(InputError, match="bar: a mimic joint"):  # held it would be another robot
         read_cell(cell_with(tmp_path, "parallelogram", held={"bar": 0}))
-    beside = (URDFS / "parallelogram.urdf").read_text().replace('<child link="elbow"/>', '<child link="rod"/>')
+    beside = urdf_of("parallelogram").replace('<child link="elbow"/>', '<child link="rod"/>')
     beside = beside.replace('<link name="elbow"/>', '<link name="rod"/>').replace(
         '<parent link="elbow"/><child link="link_3"/><origin xyz="0 0 0"',
         '<parent link="link_2"/><child link="link_3"/><origin xyz="1.15 0 0"',
@@ -143,7 +144,7 @@ GRIPPER = """
 
 def test_joints_that_mimic_one_that_stands_stand(tmp_path: Path) -> None:
     """A gripper beside the flange: its free joint must be held, what mimics it follows, in metres and radians."""
-    text = (URDFS / "kr210.urdf").read_text()
+    text = urdf_of("kr210")
     last = re.findall(r'<link name="([^"]+)"', text)[-1]
     text = text.replace("</robot>", GRIPPER.replace("flange_link", last) + "</robot>")
     for name in ("finger", "thumb", "tip"):
@@ -182,7 +183,7 @@ def test_packages_are_found_by_their_manifests(tmp_path: Path) -> None:
     (tmp_path / "own/urdf").mkdir()
     for name, known in (("own_support", True), ("kuka_support", True), ("abb_support", False)):
         inside = f'<mesh filename="package://{name}/meshes/link.stl"/>'
-        text = (URDFS / "kr210.urdf").read_text().replace('<cylinder radius="0.06" length="0.1"/>', inside)
+        text = urdf_of("kr210").replace('<cylinder radius="0.06" length="0.1"/>', inside)
         file = cell_with(tmp_path / "own/urdf", "kr210", text)
         if known:
             assert [shape.kind for shape in read_cell(file).shapes][-1] == "mesh"
@@ -192,12 +193,12 @@ def test_packages_are_found_by_their_manifests(tmp_path: Path) -> None:
 
 
 def test_a_continuous_joint_turns_twice_either_way(tmp_path: Path) -> None:
-    text = (URDFS / "kr210.urdf").read_text()
+    text = urdf_of("kr210")
     begin = text.index('<joint name="joint_6"')
     without = re.sub(r'lower="\S+" upper="\S+" ', "", text[begin:].replace('type="revolute"', 'type="continuous"', 1))
     cell = read_cell(cell_with(tmp_path, "kr210", text[:begin] + without))
     assert cell.chain.limits[5] == pytest.approx([-4 * np.pi, 4 * np.pi])
-    alone, _ = read_urdf(URDFS / "kr210.urdf", "base_link", "tool0")
+    alone = read_cell(cell_with(tmp_path, "kr210")).chain
     q = np.radians([20, -60, 80, 10, 30, 500])
     assert np.abs(forward_kinematics(cell.chain, q) - forward_kinematics(alone, q)).max() < 1e-9
     with pytest.raises(InputError, match="joint_6: expected a limit with a velocity above 0"):
@@ -205,18 +206,16 @@ def test_a_continuous_joint_turns_twice_either_way(tmp_path: Path) -> None:
 
 
 def test_one_velocity_in_degrees_a_second_is_refused(tmp_path: Path) -> None:
-    text = (Path(__file__).parents[2] / "data" / "robot" / "irb6700_150_320.urdf").read_text()
+    text = urdf_of("irb6700_150_320")
     one = re.sub(r'velocity="([.0-9]+)"', lambda m: f'velocity="{float(m[1]) * 57.3}"', text, count=1)
-    (tmp_path / "robot.urdf").write_text(one)
     with pytest.raises(InputError, match=r"expected a velocity in rad/s like those of the other joints"):
-        read_urdf(tmp_path / "robot.urdf", "base_link", "tool0")
+        read_cell(cell_with(tmp_path, "irb6700_150_320", one))
 
 
 @pytest.mark.parametrize("joint", [1, 2, 3, 5])
 def test_limits_of_one_joint_in_degrees_are_refused(tmp_path: Path, joint: int) -> None:
-    text = (Path(__file__).parents[2] / "data" / "robot" / "irb6700_150_320.urdf").read_text()
+    text = urdf_of("irb6700_150_320")
     begin = text.index(f'<joint name="joint_{joint}"')
     wrong = re.sub(r'(lower|upper)="([-.0-9]+)"', lambda m: f'{m[1]}="{float(m[2]) * 57.3}"', text[begin:], count=2)
-    (tmp_path / "robot.urdf").write_text(text[:begin] + wrong)
     with pytest.raises(InputError, match=f"joint_{joint}: expected limits in radians"):
-        read_urdf(tmp_path / "robot.urdf", "base_link", "tool0")
+        read_cell(cell_with(tmp_path, "irb6700_150_320", text[:begin] + wrong))

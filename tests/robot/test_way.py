@@ -39,7 +39,6 @@ def test_a_joints_speed_is_that_of_its_rows(cell: Cell) -> None:
 
 
 def test_the_turntable_counts(cell: Cell) -> None:
-    assert cell.turntable is not None
     seconds = 0.3 / cell.turntable.speed / 2
     found = judge(cell, rows(cell, (seconds, 1, 0.0), turntable=0.3))
     assert told(found) == [(2, "speed", "the turntable would need 2.00 times its largest speed")]
@@ -54,9 +53,7 @@ def test_the_turntable_counts(cell: Cell) -> None:
         (((10.0, 4, 1.0), (1.0, 4, 3.0)), 3, 6.0),  # stops at the last row
     ],
 )
-def test_accelerations_across_rows(
-    cell: Cell, steps: tuple[tuple[float, int, float], ...], line: int, asked: float
-) -> None:
+def test_accelerations_across_rows(cell, steps, line, asked):
     slack, tight = (dataclasses.replace(cell, accelerations=np.radians(np.full(6, a))) for a in (asked, asked / 1.5))
     assert judge(slack, rows(cell, *steps)).passed
     finding = "joint 4 would need 1.50 times its largest acceleration"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -22,9 +21,7 @@ TETRAHEDRON = "v 0 0 0\nv 100 0 0\nv 0 100 0\nv 0 0 100\nf 1 3 2\nf 1 2 4\nf 1 4
     ],
 )
 @pytest.mark.parametrize("name", ["part.obj", "part.pcd", "part.ply"])
-def test_a_library_that_cannot_be_loaded_is_blamed_and_not_the_file(
-    name: str, fails: str, says: str, tmp_path: Path, command: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_library_that_cannot_be_loaded_is_blamed_and_not_the_file(name, fails, says, tmp_path, command, monkeypatch):
     (tmp_path / "open3d.py").write_text(f"raise {fails}")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
     file = tmp_path / name

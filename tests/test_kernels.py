@@ -203,16 +203,13 @@ def test_nowhere_to_keep_them_is_no_reason_not_to_run(room: Path) -> None:
     assert said.count("\n") == 1
 
 
-def test_a_temporary_folder_stands_in(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, recwarn: pytest.WarningsRecorder
-) -> None:
+def test_a_temporary_folder_stands_in(tmp_path, monkeypatch, recwarn):
     blocked = tmp_path / "file"
     blocked.touch()
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(blocked))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     found = UserFolder()
-    assert found.path is not None
     assert found.path.parent == tmp_path
     assert found.path.stat().st_mode & 0o777 == 0o700
     assert str(blocked) in found.note()
@@ -222,7 +219,6 @@ def test_a_temporary_folder_stands_in(
 def test_code_that_others_may_write_is_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     first = UserFolder().path
-    assert first is not None
     assert first.parent == tmp_path
     first.chmod(0o777)
     second = UserFolder()

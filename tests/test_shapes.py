@@ -2,39 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
-from tests.shapes import unchecked
-from workbench.edge.broken_end import whole_end
-from workbench.geometry.grids import fuse
+from workbench.artefacts import PointSet
+from workbench.robot import refusal
 from workbench.units import Shaped
 
 
 def test_a_dataclass_with_another_axis_fails() -> None:
-    end = whole_end(3)
-    with pytest.raises(AssertionError, match=r"BrokenEnd, u_mm: expected Shaped\[Float, ' N'\], found \(4,\)"):
-        replace(end, u_mm=np.zeros(4))
+    with pytest.raises(AssertionError, match=r"PointSet, points_mm: expected Shaped\[Float, 'n 3'\], found \(5, 2\)"):
+        PointSet(np.zeros((5, 2)))
 
 
 def test_a_function_with_another_axis_fails() -> None:
-    grid, poses = np.zeros((2, 5), np.float32), np.tile(np.eye(4), (2, 1, 1))
-    assert fuse(grid, grid, poses, np.zeros(3)).shape == (2, 5, 3)
-    with pytest.raises(AssertionError, match=r"fuse, base_from_profiler: expected Shaped\[Float, 'N 4 4'\]"):
-        fuse(grid, grid, poses[:1], np.zeros(3))
-    with pytest.raises(ValueError, match="N, M"):
-        unchecked(fuse)(grid, grid, poses[:1], np.zeros(3))
+    with pytest.raises(AssertionError, match=r"refusal, joints: expected Shaped\[Float, 'n 6'\], found \(2, 5\)"):
+        refusal(None, np.zeros((2, 5)), np.zeros(2), np.zeros(2), 0)
 
 
 def test_users_have_plain_annotations() -> None:
     """Outside the tests a shape costs nothing: no jaxtyping is imported."""
-    import subprocess
-    import sys
-
-    told = "import sys, typing, workbench.edge.broken_end as rim; "
-    told += "print('jaxtyping' in sys.modules, rim.Shaped is typing.Annotated)"
+    told = "import sys, typing, workbench.edge, workbench.units as units; "
+    told += "print('jaxtyping' in sys.modules, units.Shaped is typing.Annotated)"
     out = subprocess.run([sys.executable, "-c", told], check=True, capture_output=True, text=True).stdout
     assert out == "False True\n"
     assert "jaxtyping" in repr(Shaped)

@@ -10,8 +10,10 @@ from typing import Any
 import pytest
 
 from workbench import Pipeline
+from workbench.artefacts import HandEye
 from workbench.errors import OutputError
 from workbench.pipeline import cache as module
+from workbench.stage import stage
 
 ROOT = Path(__file__).parents[2]
 RECORDING = str(ROOT / "data" / "synthetic" / "milled_edge.h5")
@@ -59,9 +61,7 @@ def cache(first: tuple[Path, Any], tmp_path: Path) -> Path:
     return Path(shutil.copytree(first[0], tmp_path / "cache"))
 
 
-def test_the_same_bytes_and_only_what_reads_files_is_run_again(
-    first: tuple[Path, Any], cache: Path, tmp_path: Path, ran: Counter[str]
-) -> None:
+def test_the_same_bytes_and_only_what_reads_files_is_run_again(first, cache, tmp_path, ran):
     plain = inspect(tmp_path / "plain", None)
     ran.clear()
     assert inspect(tmp_path / "second", cache) == first[1] == plain
@@ -103,6 +103,18 @@ def test_another_recording_under_the_same_name_is_measured(tmp_path: Path, ran: 
         part.write_bytes((ROOT / "data" / "synthetic" / f"{name}.h5").read_bytes())
         found.append(inspect(tmp_path / name, tmp_path / "cache", recording=str(part))["inspection.json"])
     assert found[0] != found[1]
+
+
+def test_what_only_this_process_knows_is_made_again(demo_document: Any, tmp_path: Path, ran: Counter[str]) -> None:
+    @stage("demo.local")
+    def local(pose: HandEye) -> HandEye:
+        """Hand on a pose that holds a function."""
+        return HandEye(pose.flange_from_profiler, source=lambda: pose)  # type: ignore[arg-type]
+
+    demo_document["stages"].insert(1, {"stage": "demo.local"})
+    for _ in range(2):
+        Pipeline(demo_document, base_dir=tmp_path).run(cache=tmp_path / "cache")
+    assert (ran["demo.local"], ran["demo.inspect"]) == (2, 1)
 
 
 def test_a_folder_that_others_may_write_is_refused(tmp_path: Path) -> None:

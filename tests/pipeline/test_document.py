@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from workbench import Pipeline
 from workbench.errors import PipelineError
-from workbench.pipeline.document import read_document
 
 GOOD = b'{"version": 1, "stages": [{"stage": "a.b"}]}'
 
@@ -48,7 +48,7 @@ def test_bad_document_names_the_place(tmp_path: Path, content: bytes, message: s
     path = tmp_path / "p.json"
     path.write_bytes(content)
     with pytest.raises(PipelineError) as caught:
-        read_document(path)
+        Pipeline.load(path)
     assert message in str(caught.value)
     assert str(path) in str(caught.value)
 
@@ -56,13 +56,13 @@ def test_bad_document_names_the_place(tmp_path: Path, content: bytes, message: s
 def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
     for path in (tmp_path / "missing.json", tmp_path, Path("nul\0"), tmp_path / ("x" * 300)):
         with pytest.raises(PipelineError, match="cannot be read"):
-            read_document(path)
+            Pipeline.load(path)
     with pytest.raises(PipelineError, match="larger than 4 MB"):
-        read_document(Path("/dev/zero"))
+        Pipeline.load(Path("/dev/zero"))
 
 
 def test_byte_order_mark_and_defaults(tmp_path: Path) -> None:
     path = tmp_path / "weld.json"
     path.write_bytes(b"\xef\xbb\xbf" + GOOD)
-    document = read_document(path)
+    document = Pipeline.load(path).document
     assert (document.title, document.seed, document.inputs, document.base_dir) == ("weld", 0, {}, tmp_path)

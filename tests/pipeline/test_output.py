@@ -37,16 +37,6 @@ def killed_rename(after: int) -> Callable[[Path, Path], None]:
     return rename
 
 
-def test_new_directory_appears_whole_with_its_parents(tmp_path: Path) -> None:
-    out = OutputDirectory(tmp_path / "a" / "b")
-    with out.reserved():
-        pass
-    assert list(tmp_path.iterdir()) == []  # reserving leaves nothing behind
-    assert [path.name for path in out.publish(NEW)] == list(NEW)
-    assert tree(tmp_path) == {f"a/b/{name}": content for name, content in NEW.items()}
-    assert os.listdir(tmp_path / "a") == ["b"]
-
-
 def test_old_set_goes_and_strangers_stay(tmp_path: Path) -> None:
     out = OutputDirectory(tmp_path / "out")
     out.publish(OLD)
@@ -59,18 +49,6 @@ def test_old_set_goes_and_strangers_stay(tmp_path: Path) -> None:
     assert tree(tmp_path / "out") == NEW | strangers
     assert (tmp_path / "far.txt").exists()
     assert sorted(os.listdir(tmp_path / "out")) == ["inspection.json", "notes.txt", "pictures", "run.json"]
-
-
-def test_superseded_results_stand_aside_in_order(tmp_path: Path) -> None:
-    out = OutputDirectory(tmp_path)
-    assert out.supersede() is None
-    out.publish(OLD)
-    (tmp_path / "notes.txt").write_bytes(b"mine")
-    assert out.supersede() == tmp_path / "superseded" / "1"
-    assert tree(tmp_path) == {"notes.txt": b"mine"} | {f"superseded/1/{name}": content for name, content in OLD.items()}
-    out.publish(NEW)
-    assert out.supersede() == tmp_path / "superseded" / "2"
-    assert out.supersede() is None
 
 
 def test_a_strangers_file_beside_a_run_s_results_stays_where_a_run_fails(tmp_path: Path) -> None:
@@ -119,9 +97,7 @@ def test_a_file_that_no_run_has_written_is_never_replaced(tmp_path: Path, name: 
     assert not told.value.supersedes
 
 
-def test_results_that_a_killed_failure_moved_in_part_do_not_bar_the_next_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_results_that_a_killed_failure_moved_in_part_do_not_bar_the_next_run(tmp_path, monkeypatch):
     out = OutputDirectory(tmp_path / "out")
     out.publish(OLD)
     with monkeypatch.context() as patch:
@@ -167,22 +143,6 @@ def test_unusable_place_is_found_before_the_work(tmp_path: Path, place: str) -> 
     with pytest.raises(OutputError), OutputDirectory(tmp_path / place).reserved():
         pass
     assert sorted(os.listdir(tmp_path)) == before
-
-
-@pytest.mark.parametrize("exists", [True, False])
-def test_two_runs_into_one_directory(tmp_path: Path, exists: bool) -> None:
-    out = tmp_path / "out"
-    if exists:
-        OutputDirectory(out).publish(OLD)
-    with OutputDirectory(out).reserved():
-        with pytest.raises(OutputError, match="another run is writing there"), OutputDirectory(out).reserved():
-            pass
-        with OutputDirectory(tmp_path / "other").reserved():
-            pass
-        OutputDirectory(out).publish(NEW)
-    with OutputDirectory(out).reserved():
-        pass
-    assert tree(tmp_path) == {f"out/{name}": content for name, content in NEW.items()}
 
 
 def test_results_of_a_running_run_are_not_superseded(tmp_path: Path) -> None:

@@ -66,9 +66,7 @@ def test_a_file_of_stages_runs(workbench: Callable[..., Outcome], files: tuple[P
         (None, "no such file"),
     ],
 )
-def test_what_is_no_plugin_is_one_line(
-    content: str | None, says: str, workbench: Callable[..., Outcome], files: tuple[Path, Path], tmp_path: Path
-) -> None:
+def test_what_is_no_plugin_is_one_line(content, says, workbench, files, tmp_path):
     path = tmp_path / "bad.py"
     if content is not None:
         path.write_text(content)

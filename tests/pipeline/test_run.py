@@ -11,7 +11,6 @@ import pytest
 from workbench import Pipeline
 from workbench.artefacts import Document, Gate, HandEye, Inspection
 from workbench.errors import InputError, PipelineError
-from workbench.pipeline.terminal import Reporter
 from workbench.stage import stage
 
 Doc = dict[str, Any]
@@ -29,6 +28,9 @@ def test_results_by_stage_and_by_type(demo_document: Doc, tmp_path: Path) -> Non
 
 
 def test_files_of_a_run(demo_document: Doc, tmp_path: Path) -> None:
+    """Of a recording of several blocks, as far as digests go."""
+    with (tmp_path / "part.txt").open("ab") as file:
+        file.write(bytes(range(32, 127)) * 40_000)
     results = Pipeline(demo_document | {"seed": 5}, base_dir=tmp_path).run(tmp_path / "out")
     assert sorted(path.name for path in results.files) == ["inspection.json", "report.html", "run.json"]
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["inspection.json", "report.html", "run.json"]
@@ -71,15 +73,26 @@ def test_failure_inside_a_stage_is_one_line_with_its_cause(demo_document: Doc, t
     assert not (tmp_path / "out").exists()
 
 
-def test_recording_that_vanishes_half_way(demo_document: Doc, tmp_path: Path) -> None:
-    @stage("demo.vanish")
-    def vanish(*, recording: str = "") -> Gate:
-        """Remove the recording that was checked at the start."""
-        (tmp_path / "part.txt").unlink()
+@pytest.mark.parametrize("when", [0, 1])
+@pytest.mark.parametrize("how", ["written", "replaced", "removed"])
+def test_recording_that_changes_during_the_run(demo_document: Doc, tmp_path: Path, how: str, when: int) -> None:
+    """Before it is read, or behind that."""
+    part = tmp_path / "part.txt"
+
+    @stage("demo.change")
+    def change() -> Gate:
+        """Change the recording that was checked at the start."""
+        if how == "written":
+            part.write_text("part-2, and more\n")
+        elif how == "replaced":
+            (tmp_path / "other").write_bytes(part.read_bytes())
+            (tmp_path / "other").replace(part)
+        else:
+            part.unlink()
         return Gate(True, "")
 
-    demo_document["stages"].insert(0, {"stage": "demo.vanish"})
-    with pytest.raises((InputError, PipelineError)):
+    demo_document["stages"].insert(when, {"stage": "demo.change"})
+    with pytest.raises((InputError, PipelineError), match=r"changed while|cannot be read any more|No such file"):
         Pipeline(demo_document, base_dir=tmp_path).run(tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
@@ -112,9 +125,12 @@ def test_document_cannot_take_another_file_s_place(demo_document: Doc, tmp_path:
 
 
 def test_progress_reaches_the_reporter(demo_document: Doc, tmp_path: Path) -> None:
-    class Notes(Reporter):
+    class Notes:
+        """A reporter that keeps what it is told."""
+
         def __init__(self) -> None:
             self.seen: list[object] = []
+            self.end = self.known = self.compiling = lambda *_: None
 
         def begin(self, index: int, count: int, name: str) -> None:
             self.seen.append((index, count, name))

@@ -1,5 +1,7 @@
 """The JSON Schema agrees with the checks, and the pages of the stages with their signatures."""
 
+import contextlib
+import io
 import json
 from pathlib import Path
 from typing import Any
@@ -8,8 +10,8 @@ import pytest
 
 from scripts.stage_pages import main, pages
 from workbench import Pipeline
+from workbench.cli import main as workbench
 from workbench.errors import WorkbenchError
-from workbench.pipeline.catalogue import every_stage, pipeline_schema
 
 ROOT = Path(__file__).parents[2]
 PIPELINES = sorted((ROOT / "pipelines").glob("*.json"))
@@ -19,7 +21,9 @@ PIPELINES = sorted((ROOT / "pipelines").glob("*.json"))
 def schema() -> Any:
     """A validator that has looked at its schema once: `jsonschema.validate` looks every time, for seconds."""
     validators = pytest.importorskip("jsonschema")
-    document = pipeline_schema(every_stage()[0])
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        assert workbench(["schema"]) == 0
+    document = json.loads(printed.getvalue())
     validators.Draft202012Validator.check_schema(document)
     return validators.Draft202012Validator(document)
 

@@ -147,9 +147,7 @@ def change(path: str, value: Any) -> Any:
         (change("stages.4", {"stage": "demo.inspect", "id": "b"}), "would both write inspection.json"),
     ],
 )
-def test_mistake_names_path_expectation_and_nearest_name(
-    demo_document: Doc, tmp_path: Path, apply: Any, message: str
-) -> None:
+def test_mistake_names_path_expectation_and_nearest_name(demo_document, tmp_path, apply, message):
     apply(demo_document)
     with pytest.raises(PipelineError) as caught:
         load(demo_document, tmp_path).plan()

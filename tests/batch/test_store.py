@@ -113,9 +113,7 @@ def test_an_object_store_on_loopback(bucket: Any, record: Write, pipeline: Path,
     local_and_remote(bucket, "plant", record, pipeline, tmp_path, workers=1)
 
 
-def test_without_a_cache_copies_go(
-    memory: Any, record: Write, pipeline: Path, tmp_path: Path, monkeypatch: Any
-) -> None:
+def test_without_a_cache_copies_go(memory, record, pipeline, tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
     (tmp_path / "temporary").mkdir()
     memory.pipe_file("/in/a.h5", Path(record("a")).read_bytes())

@@ -169,9 +169,7 @@ def test_a_map_has_the_unit_of_its_record(tmp_path: Path, points: Float, record:
         ([geo_keys((3076, 9001)), wkt(WKT1.format('"foot",0.3048'))], "found foot and metre"),
     ],
 )
-def test_a_map_in_another_unit_or_none_is_refused_until_one_is_stated(
-    tmp_path: Path, points: Float, records: list[laspy.VLR], told: str
-) -> None:
+def test_a_map_in_another_unit_or_none_is_refused_until_one_is_stated(tmp_path, points, records, told):
     file = las_of_a_map(tmp_path / "map.las", *records, points=points, scale=1.0)
     with pytest.raises(InputError, match=f"{told}: state the .unit."):
         read(file=file)

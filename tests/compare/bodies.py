@@ -4,7 +4,6 @@ import numpy as np
 
 from workbench.artefacts import Part
 from workbench.compare.surface import Surface
-from workbench.units import Float
 
 LENGTH, WIDTH, DEPTH = 40.0, 8.0, 6.0  # mm, of the faces of a rectangular edge along x
 AT = np.array([1500.0, 200.0, 800.0])  # where it lies in the base
@@ -44,8 +43,8 @@ def scanned(
     )
 
 
-def box(size_mm: tuple[float, float, float] = (LENGTH, WIDTH, DEPTH)) -> tuple[Float, np.ndarray]:
-    """Vertices and triangles of the three faces above."""
-    x, y, z = size_mm
+def box() -> Surface:
+    """The three faces above as a mesh."""
+    x, y, z = LENGTH, WIDTH, DEPTH
     points = AT + np.array([[0, -y, 0], [x, -y, 0], [0, 0, 0], [x, 0, 0], [0, 0, -z], [x, 0, -z], [x, -y, -z]])
-    return points, np.array([[0, 1, 3], [0, 3, 2], [2, 3, 5], [2, 5, 4], [3, 1, 6], [3, 6, 5]])
+    return Surface(points, triangles=np.array([[0, 1, 3], [0, 3, 2], [2, 3, 5], [2, 5, 4], [3, 1, 6], [3, 6, 5]]))

@@ -9,7 +9,6 @@ import pytest
 from tests.compare.bodies import AT, scanned
 from workbench.api import inverse, pose_from, rotation_from_vector, vector_from_rotation
 from workbench.compare import register
-from workbench.compare.surface import Surface
 from workbench.errors import InputError
 from workbench.units import Float
 
@@ -22,7 +21,7 @@ def motion(shift_mm: Float, turn: Float) -> Float:
     return pose_from(rotation, MIDDLE - rotation @ MIDDLE + shift_mm)
 
 
-def laid_off(surface: Surface, pose: Float) -> Surface:
+def laid_off(surface, pose: Float):
     """The scan as it is before it is registered: reference_from_scan is `pose`."""
     back = inverse(pose)
     return dataclasses.replace(surface, points_mm=surface.points_mm @ back[:3, :3].T + back[:3, 3])

@@ -10,7 +10,6 @@ import pytest
 from workbench.compare import repeatability, study
 from workbench.errors import InputError
 
-ROOT = Path(__file__).parents[2]
 HEAD = "part,operator,trial,section,root_mm,root_u_mm\n"
 
 
@@ -195,15 +194,6 @@ def test_unusable_inspections_are_refused(change: dict[str, Any], words: str, tm
     with pytest.raises(InputError) as caught:
         study(inspections=[str(path), str(path)])
     assert words in str(caught.value)
-
-
-def test_shipped_pipeline(command: Any, tmp_path: Path) -> None:
-    """The shipped study runs; its numbers are those of the file."""
-    assert command("run", ROOT / "pipelines" / "repeatability.json", "--out", tmp_path).status == 0
-    result = json.loads((tmp_path / "repeatability.json").read_text())
-    assert (result["parts"], result["operators"], result["trials"]) == (["P1", "P2", "P3"], ["A", "B", "C"], 3)
-    assert [one["limits"] for one in result["characteristics"]] == [[1.0, 2.0], [39.0, 41.0]]
-    assert "Repeatability and reproducibility" in (tmp_path / "report.html").read_text()
 
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "real" / "gocator_gage_rr_minitab_ready.csv"

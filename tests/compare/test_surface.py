@@ -11,7 +11,6 @@ from workbench.cloud import denoise
 from workbench.cloud import read as read_points
 from workbench.compare import deviation, mesh, plan, surface
 from workbench.errors import InputError
-from workbench.geometry.fits import fit
 from workbench.path import read
 from workbench.scan import fuse
 from workbench.scan import read as read_recording
@@ -26,7 +25,6 @@ def test_cloud_points_are_the_clouds() -> None:
     cloud = denoise(fuse(read_recording(recording=DATA / "milled_two_pass.h5")))
     found = surface(cloud)
     assert len(found.points_mm) == cloud.keep.sum()
-    assert found.frame is not None
     row, column = np.argwhere(cloud.keep)[1234]
     local = np.array([cloud.x_mm[row, column], 0.0, cloud.z_mm[row, column], 1.0])
     np.testing.assert_allclose(found.points_mm[1234], (cloud.base_from_profiler[row] @ local)[:3], atol=1e-3)
@@ -63,7 +61,6 @@ def test_mesh_units_and_pose(unit: str, factor: float) -> None:
     shifted = np.eye(4)
     shifted[:3, 3] = 1.0, 2.0, 3.0
     found = mesh(mesh=WEDGE, unit=unit, base_from_mesh=shifted.tolist())
-    assert found.triangles is not None
     assert len(found.triangles) == 6
     np.testing.assert_allclose(np.ptp(found.points_mm, axis=0), factor * np.array([60.0, 24.195, 8.0]))
     np.testing.assert_allclose(found.points_mm.min(axis=0), factor * np.array([0.0, -20.0, -8.0]) + [1, 2, 3])
@@ -108,7 +105,9 @@ def test_plan_is_the_bevel() -> None:
     width = layer.width_mm[layer.cutting & (layer.width_mm > 0)]
     assert area == pytest.approx(width.mean() * path.edge_length_mm, rel=0.02)
     near = np.linalg.norm(corners.mean(axis=1) - layer.position_mm[len(layer.position_mm) // 2], axis=1) < 15
-    assert fit("plane", corners[near].reshape(-1, 3)).rms_mm < 0.2
+    flat = corners[near].reshape(-1, 3)
+    off = np.linalg.svd(flat - flat.mean(axis=0), compute_uv=False)[-1] / np.sqrt(len(flat))
+    assert off < 0.2
 
 
 def test_a_worn_cutter_leaves_material() -> None:

@@ -48,6 +48,7 @@ def test_laspy_reads_every_value(inspected, ending: str):
     for name, values in (("face", face), ("frame", frame), ("column", column)):
         np.testing.assert_array_equal(np.asarray(las[name]), values)
     assert las.header.system_identifier == "unit: mm"
+    assert las.header.are_points_compressed == (ending == "laz")
 
 
 def test_pye57_reads_every_value(inspected, tmp_path: Path):
@@ -57,6 +58,7 @@ def test_pye57_reads_every_value(inspected, tmp_path: Path):
     names = [file.get_header(i)["name"].value() for i in range(file.scan_count)]
     assert names == [FACE_NAMES[label] for label in np.unique(face)]
     for i, label in enumerate(np.unique(face)):
+        assert file.get_header(i).rotation.tolist() == [1.0, 0.0, 0.0, 0.0]
         scan, mine = file.read_scan(i, row_column=True, ignore_missing_fields=True), face == label
         found = np.stack([scan[f"cartesian{k}"] for k in "XYZ"], axis=1)
         np.testing.assert_allclose(found, position[mine] / 1000, atol=1e-8)  # m: 1e-5 mm

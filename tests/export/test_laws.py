@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from pyarrow import parquet
 
+from tests.made import files_of
 from workbench.artefacts import (
     Cloud,
     Document,
@@ -35,17 +36,12 @@ from workbench.artefacts import (
     conformity,
     u_name,
 )
-from workbench.artefacts.edges import named
-from workbench.batch.fleet import characteristics, fleet_files
-from workbench.batch.part import Record
 from workbench.compare import study
 from workbench.errors import one_line
 from workbench.export import inspection as export_inspection
 from workbench.export import qdas, qif, sections
-from workbench.export.qif import NAMESPACE
-from workbench.pipeline.results import result_files
 
-Q = {"q": NAMESPACE}
+Q = {"q": "http://qifstandards.org/xsd/qif3"}
 RUN = Provenance("t", (("recording", "part 7.h5", "ab12"),), {}, {}, 0)
 U, TOLERANCE = 0.01, (-0.25, 0.5)
 OFF = {"pass": 0.1, "fail": 1.0, "undecided": 0.5, "hidden": np.nan, "nothing required": 0.1}  # from nominal
@@ -63,6 +59,11 @@ class Row:
 
 
 REASON = 'a "quoted", reason\nof two lines'  # that must stay in its cell
+
+
+def named(size: str, what: str) -> str:
+    """`gap_tolerance_mm` of `gap_mm` and `tolerance`."""
+    return f"{size.rpartition('_')[0]}_{what}_{size.rpartition('_')[2]}"
 
 
 def nominal(terms: Any, name: str) -> float:
@@ -201,7 +202,13 @@ def table_rows(inspection: JointInspection, rows: list[dict[str, Any]]) -> Found
 def from_parquet(inspection: JointInspection) -> Found:
     table = parquet.read_table(io.BytesIO(export_inspection(inspection, RUN).content))
     assert table.schema.metadata[b"format"].decode() == f"{inspection.FORMAT}-rows"
-    yield from table_rows(inspection, table.to_pylist())
+    rows = table.to_pylist()
+    for row, section in zip(rows, inspection.sections, strict=True):
+        assert (row["part_id"], row["recording"], row["recording_sha256"]) == ("A", "part 7.h5", "ab12")
+        assert [row["x_mm"], row["y_mm"], row["z_mm"]] == section.origin_mm.tolist()
+        assert (row["arc_length_mm"], row["verdict"]) == (section.arc_length_mm, section.verdict)
+        assert row["reason"] == section.reason
+    yield from table_rows(inspection, rows)
 
 
 def rows_of(document: Document) -> list[dict[str, Any]]:
@@ -215,7 +222,7 @@ def from_csv(inspection: JointInspection) -> Found:
 
 
 def from_file(inspection: JointInspection) -> Found:
-    ((_, content),) = result_files([inspection]).items()
+    ((_, content),) = files_of(inspection).items()
     for section in json.loads(content)["sections"]:
         for one in section["quantities"]:
             assert section[one["name"]] == one["value"]
@@ -300,7 +307,7 @@ def test_a_gauge_study_takes_the_files_of_every_joint(what: str, tmp_path: Path)
             else replace(one, sizes={n: replace(q, value=q.value + 0.01 * k) for n, q in one.sizes.items()})
             for one in made.sections
         )
-        ((name, content),) = result_files([replace(made, sections=moved)]).items()  # type: ignore[type-var]
+        ((name, content),) = files_of(replace(made, sections=moved)).items()  # type: ignore[type-var]
         (tmp_path / str(k)).mkdir()
         (tmp_path / str(k) / name).write_bytes(content)
         trials.append(tmp_path / str(k))
@@ -312,18 +319,3 @@ def test_a_gauge_study_takes_the_files_of_every_joint(what: str, tmp_path: Path)
     }
     first = next(iter(terms))
     assert found.measured[first][0, 0, :, 0] - found.measured[first][0, 0, 0, 0] == pytest.approx([0.0, 0.01, 0.02])
-
-
-@pytest.mark.parametrize("what", JOINTS)
-def test_a_fleet_takes_every_joint(what: str) -> None:
-    inspection = JOINTS[what]("pass")
-    sections = tuple({"index": one.index, **one.values, "verdict": one.verdict} for one in inspection.sections)
-    needs = inspection.requirements_in_file
-    fleet = [Record(f"p{k}", "r.h5", "passed", verdict="pass", requirements=needs, sections=sections) for k in range(4)]
-    assert [one.name for one in characteristics(fleet)] == [one.term.lower() for one in inspection.characteristics]
-    files = fleet_files(fleet, "Fleet")
-    table = parquet.read_table(io.BytesIO(files["fleet.parquet"])).to_pydict()
-    for one in inspection.characteristics:
-        assert table[one.name] == [pair and pair[0] for pair in one.pairs] * 4
-        assert table[named(one.name, "upper")] == [pytest.approx(one.limits[1])] * 12  # type: ignore[index]
-        assert one.term.lower() in files["fleet.html"].decode()

@@ -12,10 +12,9 @@ from lxml import etree
 from tests.export.test_laws import CASES, JOINTS, RUN
 from workbench.artefacts import Part
 from workbench.export import qif
-from workbench.export.qif import NAMESPACE, date_time
 
 OFFICIAL = Path(__file__).parents[3] / "shared" / "data" / "real" / "qif30" / "QIFDocument.xsd"
-Q = {"q": NAMESPACE}
+Q = {"q": "http://qifstandards.org/xsd/qif3"}
 STATUS = {"undecided": "INDETERMINATE", "hidden": "NOT_ANALYZED", "nothing required": "UNDEFINED"}
 
 
@@ -120,5 +119,6 @@ def test_its_traceability_is_told_or_said_to_be_unknown(named, provenance):
     assert "meanError" not in qif(named).content.decode()  # nobody has estimated it
 
 
-def test_times_are_of_xml():
-    assert date_time("2026-03-31") == "2026-03-31T00:00:00"
+def test_a_day_is_a_time_of_xml(named, provenance):
+    dated = replace(named, part=replace(named.part, recorded_at="2026-03-31"))
+    assert read(qif(dated, provenance)).findtext(".//q:InspectionStart", namespaces=Q) == "2026-03-31T00:00:00"

@@ -5,8 +5,6 @@ import re
 import numpy as np
 import pytest
 
-from workbench.cloud import read as read_cloud
-
 
 @pytest.mark.parametrize(
     ("unit", "scale", "told"),
@@ -33,14 +31,3 @@ def test_a_few_points_are_a_cloud_where_they_are_homogeneous(command, tmp_path):
     assert "points: 20" in command("look", tmp_path / "h.txt").out
     np.savetxt(tmp_path / "t.txt", points[:, :3], fmt="%.4f")
     assert "table of numbers" in command("look", tmp_path / "t.txt").out
-
-
-def test_a_las_of_a_map_is_in_metres(tmp_path):
-    laspy = pytest.importorskip("laspy")
-    header = laspy.LasHeader(point_format=6, version="1.4")
-    header.scales = np.full(3, 1e-4)
-    header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr('PROJCS["x",UNIT["metre",1]]'))
-    made = laspy.LasData(header)
-    made.x, made.y, made.z = np.random.default_rng(6).uniform(0, 2, (3, 300))
-    made.write(tmp_path / "map.las")
-    assert np.ptp(read_cloud(file=tmp_path / "map.las").points_mm, axis=0).max() == pytest.approx(2000, rel=0.02)

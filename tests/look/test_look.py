@@ -2,19 +2,13 @@
 
 import re
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
-from bench.drawn.swept import random_swept_recipe
-from bench.simulators.swept import simulate_swept
 from tests.importing.makers import write_gocator, write_gopxl
-from workbench.look.recorded import judged
-from workbench.look.seen import measured
-from workbench.scan import read
 
 ROOT = Path(__file__).parents[2]
 SYNTHETIC = ROOT / "data" / "synthetic"
@@ -99,75 +93,54 @@ def test_the_page_wants_a_place_and_a_name(command, tmp_path):
     )
 
 
-def wedge(seed, correlation):
-    """A profile of two lines that meet in (1, 4), 0.05 mm a column, noise of 0.01 mm."""
-    rng = np.random.default_rng(seed)
-    x = np.arange(-10, 12, 0.05) + rng.uniform(0, 0.05)
-    noise = rng.normal(0, 0.01, len(x))
-    for i in range(1, len(x)):
-        noise[i] = correlation * noise[i - 1] + np.sqrt(1 - correlation**2) * noise[i]
-    return x, 4 + np.where(x < 1, 0.2, -0.7) * (x - 1) + noise
-
-
-@pytest.mark.parametrize("correlation", [0.0, 0.8])
-def test_a_corner_lies_within_its_uncertainty(correlation):
-    off = []
-    for seed in range(60):
-        profile = measured(*wedge(seed, correlation))
-        assert (len(profile.lines), len(profile.corners)) == (2, 1)
-        corner = profile.corners[0]
-        off.append(((corner.x_mm - 1) / corner.x_u_mm, (corner.z_mm - 4) / corner.z_u_mm))
-        assert corner.turn_deg == pytest.approx(-np.degrees(np.arctan(0.7) + np.arctan(0.2)), abs=1.0)
-    within = (np.abs(off) < 2).mean(axis=0)
-    assert (within > 0.87).all(), within  # 95 % expected; 60 draws
-    assert 0.6 < np.std(off) < 1.4
-
-
-@pytest.mark.parametrize(
-    ("place", "scale", "unit"),
-    [
-        ("robot/position", 1e-3, "the robot's positions are in metres"),
-        ("hand_eye/flange_from_profiler", 1e-3, "the hand-eye pose's translation is in metres"),
-    ],
-)
-def test_the_unit_that_makes_it_consistent_is_named_alone(place, scale, unit, command, tmp_path):
-    path = tmp_path / "scaled.h5"
-    shutil.copy(SYNTHETIC / "milled_arc.h5", path)
-    with h5py.File(path, "r+") as file:
-        value = file[place][...]
-        if value.shape == (4, 4):
-            value[:3, 3] *= scale
-        else:
-            value *= scale
-        file[place][...] = value
-    assert lines_named(command("look", path)) == [unit]
-
-
 def lines_named(got) -> list[str]:
     lines = got.out.splitlines()
     at = lines.index("conventions that would make this consistent:")
     return [line.strip() for line in lines[at + 1 :] if line.startswith("  ")]
 
 
-@pytest.mark.parametrize("name", ["milled_edge", "raw_edge"])
+def scaled(by, *places):
+    """Numbers in another unit: of a pose the translation."""
+
+    def change(file):
+        for place in places:
+            value = file[place][...]
+            value[(slice(3), 3) if value.shape == (4, 4) else ...] *= by
+            file[place][...] = value
+
+    return change
+
+
+def swapped(file):
+    x, z = file["profiles/x"][...], file["profiles/z"][...]
+    file["profiles/x"][...], file["profiles/z"][...] = z, x
+
+
+X, Z = "profiles/x", "profiles/z"
+POSE = "hand_eye/flange_from_profiler"
+CONVENTIONS = [
+    (["milled_arc"], scaled(1e-3, "robot/position"), "the robot's positions are in metres"),
+    (["milled_arc"], scaled(1e-3, POSE), "the hand-eye pose's translation is in metres"),
+    (["milled_edge", "raw_edge"], scaled(1e3, X, Z), "the profiles' x and z are in micrometres"),
+    (["milled_edge", "raw_edge"], scaled(1e3, Z), "the profiles' z, but not their x, are in micrometres"),
+    (["milled_edge", "raw_edge"], scaled(1e-3, X, Z), "the profiles' x and z are in metres"),
+    (["milled_arc", "groove"], swapped, "the profiles' x and z are swapped (nothing tells their signs)"),
+]
+
+
 @pytest.mark.parametrize(
-    ("places", "scale", "unit"),
-    [
-        (("profiles/x", "profiles/z"), 1e3, "the profiles' x and z are in micrometres"),
-        (("profiles/z",), 1e3, "the profiles' z, but not their x, are in micrometres"),
-        (("profiles/x", "profiles/z"), 1e-3, "the profiles' x and z are in metres"),
-    ],
+    ("name", "change", "said"), [(name, change, said) for names, change, said in CONVENTIONS for name in names]
 )
-def test_the_unit_of_profiles_is_named_alone(name, places, scale, unit, command, tmp_path):
+def test_the_convention_that_makes_it_consistent_is_named_alone(name, change, said, command, tmp_path):
     """Micrometres are more than any length in mm may be: no stage reads them, and the unit is named all the same."""
-    path = tmp_path / "scaled.h5"
+    path = tmp_path / "changed.h5"
     shutil.copy(SYNTHETIC / f"{name}.h5", path)
     with h5py.File(path, "r+") as file:
-        for place in places:
-            file[place][...] = file[place][...] * scale
+        change(file)
     got = command("look", path)
-    assert ("FAIL recording_read" in got.out) is (scale > 1)
-    assert lines_named(got) == [unit]
+    assert "FAIL" in got.out
+    assert ("FAIL recording_read" in got.out) is ("micrometres" in said)
+    assert lines_named(got) == [said]
 
 
 def test_a_code_for_no_return_is_no_unit(command, tmp_path):
@@ -179,46 +152,6 @@ def test_a_code_for_no_return_is_no_unit(command, tmp_path):
     got = command("look", path)
     assert "FAIL recording_read" in got.out
     assert "conventions that would" not in got.out
-
-
-@pytest.mark.parametrize("name", ["milled_arc", "groove"])
-def test_swapped_axes_are_named_alone(name, command, tmp_path):
-    """Checks of the profiles alone fail, which no reading of the poses mends; none is named."""
-    path = tmp_path / "swapped.h5"
-    shutil.copy(SYNTHETIC / f"{name}.h5", path)
-    with h5py.File(path, "r+") as file:
-        x, z = file["profiles/x"][...], file["profiles/z"][...]
-        file["profiles/x"][...], file["profiles/z"][...] = z, x
-    got = command("look", path)
-    assert "FAIL" in got.out
-    assert lines_named(got) == ["the profiles' x and z are swapped (nothing tells their signs)"]
-
-
-@pytest.mark.parametrize("signs", [(-1, 1), (1, -1)])
-@pytest.mark.parametrize("name", ["milled_edge", "raw_wavy"])
-def test_of_a_mirrored_axis_that_nothing_shows_nothing_is_claimed(name, signs):
-    recording = read(recording=SYNTHETIC / f"{name}.h5")
-    checks, named = judged(replace(recording, x_mm=recording.x_mm * signs[0], z_mm=recording.z_mm * signs[1]))
-    assert all(check.passed for check in checks)
-    assert named == ()
-
-
-@pytest.mark.parametrize(
-    ("signs", "named"),
-    [
-        ((-1, 1), "the sign of x of the profiles is wrong"),
-        ((1, -1), "the sign of z of the profiles is wrong"),
-    ],
-)
-def test_a_mirrored_axis_is_named_where_the_flange_sways(signs, named):
-    """The section then seems to turn with the wrist; data/synthetic has no such motion, so one is simulated."""
-    recording, _ = simulate_swept(random_swept_recipe("swept_sway", 1))
-    assert all(check.passed for check in judged(recording)[0])
-    changed = replace(recording, x_mm=recording.x_mm * signs[0], z_mm=recording.z_mm * signs[1])
-    checks, found = judged(changed)
-    assert "unsteady_twist_deg" in {check.name for check in checks if not check.passed}
-    assert named in found
-    assert not any("swapped" in one for one in found)
 
 
 def test_a_table_of_a_gauge_study_is_told_column_by_column(command, tmp_path):

@@ -10,7 +10,6 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -109,9 +108,7 @@ def test_runs_that_wait_or_are_at_work_are_cancelled(client: Client, folder: Pat
         ("GET", "/operator?preset=none", None, "expected the name of a preset"),
     ],
 )
-def test_what_is_wrong_is_one_line_and_leaves_nothing(
-    client: Client, folder: Path, method: str, path: str, body: Any, words: str
-) -> None:
+def test_what_is_wrong_is_one_line_and_leaves_nothing(client, folder, method, path, body, words):
     before = sorted(folder.rglob("*"))
     status, text = client.ask(method, path, body)
     assert status in (400, 404)
@@ -146,7 +143,6 @@ def test_what_a_kill_left_at_work_is_done_again(tmp_path: Path) -> None:
     assert again.next() is None  # the command line stores beside a server at work
     again.resume()
     found = again.next()
-    assert found is not None
     assert (found.id, found.step) == (number, None)
     again.keep(Preset("P", "inspect_bevel", {"sections": 5}))
     again.keep(Preset("P", "inspect_bevel", {"sections": 7}))

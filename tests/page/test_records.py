@@ -91,7 +91,6 @@ def test_a_run_s_files_are_what_is_stored(tmp_path: Path) -> None:
     number = keep_run(str(tmp_path), "inspect_bevel", {"recording": "none.h5"}, 1, tmp_path)
     with Store.of(tmp_path) as store:
         found = store.run(number)
-    assert found is not None
     assert (found.state, found.status, found.part, found.verdict) == ("done", 1, "P", "undecided")
     assert found.reason == "section 1 is open"
     assert found.record["todo"] == "Scan from below."

@@ -16,7 +16,6 @@ from .paths import Shape, all_points, mill_path
 def test_read_back_the_points_are_the_same() -> None:
     path = mill_path(Shape(bend=1 / 300, length_mm=60, lifted_mm=(20, 40)))
     document = csv(path, passed(path))
-    assert document is not None
     assert document.name == "toolpath.csv"
     rows = list(comma_separated.DictReader(io.StringIO(document.content.decode("ascii"), newline="")))
     position, quaternion, feed = all_points(path)

@@ -18,7 +18,6 @@ from scipy.spatial.transform import Rotation
 from workbench.artefacts import Moves
 from workbench.errors import InputError
 from workbench.program import write
-from workbench.program.inform import Arm, inform_configuration
 from workbench.robot import Cell, forward_kinematics
 
 from .conftest import passed
@@ -60,36 +59,53 @@ def off(pose: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> tuple
 
 @pytest.mark.parametrize(("controller", "robot"), CASES)
 def test_read_back_the_program_is_the_path(made, cells, controller: str, robot: str) -> None:
+    """Its targets lie where forward kinematics of the postures puts the tool that it declares."""
     moves, cell = made[robot], cells[robot]
     program = back(moves, cell, controller, files(moves, cell, controller))
-    seen = job_of(moves, cell).moves
-    first, others = program.moves[0], program.moves[1 - len(moves.layer) :]  # RAPID goes straight to the first target
+    first = program.moves[0]
     assert program.dialect == controller
     assert first.kind == "J"
     assert np.degrees(np.abs(first.joints - moves.postures.joints[0])).max() < 0.0006
     if controller == "trajectory":
+        rows_are_the_path(moves, cell, program)
         return
+    others, seen = program.moves[1 - len(moves.layer) :], job_of(moves, cell).moves  # RAPID goes to the first target
     assert len(others) == len(moves.layer) - 1
+    declared = program.tools[first.tool]
+    if declared.flange_from_tool is not None:
+        assert np.abs(declared.flange_from_tool - moves.flange_from_point).max() < 1e-3
+    named = controller == "yaskawa"  # whose jobs say the cutter's tip
+    tool_pose = cell.flange_from_cutter if named else moves.flange_from_point
     for i, move in enumerate(others, 1):
         far, turned = off(move.pose, seen.position_mm[i], seen.quaternion_wxyz[i])
         assert far < 0.001
         assert turned < 0.002
+        stands = forward_kinematics(cell.chain, moves.postures.joints[moves.point[i]]) @ tool_pose
+        assert np.abs(stands[:3, 3] - move.pose[:3, 3]).max() < 0.001
         assert (move.kind == "C") == moves.circular[i]
         if move.kind == "C":
             assert np.abs(move.via[:3, 3] - seen.via_position_mm[i]).max() < 0.001
         assert 0.9 * moves.feed_mm_s[i] < move.feed_mm_s < 1.006 * moves.feed_mm_s[i]
         assert move.turntable == pytest.approx(0.0, abs=1e-9)
     assert others[-1].zone_mm == 0
-    assert {move.line for move in others} == set(sorted(move.line for move in others))
     assert [move.line for move in program.moves] == sorted({move.line for move in program.moves})
     if controller in ("abb", "kuka", "ur"):
         assert any(move.zone_mm > 0 for move in others)
-    declared = program.tools[first.tool]
-    if declared.flange_from_tool is not None:
-        assert np.abs(declared.flange_from_tool - moves.flange_from_point).max() < 1e-3
     if declared.mass_kg is not None:  # TP has its loads on the controller
         assert declared.mass_kg == 15
         assert declared.centre_of_gravity_mm == pytest.approx((1, 2, 150))
+
+
+def rows_are_the_path(moves: Moves, cell: Cell, program: Any) -> None:
+    """A trajectory passes every posture, on chords between them, no faster than the path."""
+    at = forward_kinematics(cell.chain, np.array([m.joints for m in program.moves])) @ moves.flange_from_point
+    wanted = moves.postures.position_mm
+    assert max(np.linalg.norm(at[:, :3, 3] - p, axis=1).min() for p in wanted) < 1e-3
+    assert max(off_way(wanted, p) for p in at[:, :3, 3]) < 1e-3
+    times = np.array([m.time_s for m in program.moves])
+    way = np.linalg.norm(np.diff(at[:, :3, 3], axis=0), axis=1)
+    assert (way / np.diff(times) < 20.001).all()
+    assert times[-1] == pytest.approx(moves.toolpath.time_s, rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -99,9 +115,7 @@ def test_read_back_the_program_is_the_path(made, cells, controller: str, robot: 
         ("yaskawa", "gp25", {"position_levels_mm": [0.1, 0.25, 0.5]}, "PL=2", (0.25, 0.0)),
     ],
 )
-def test_no_stop_where_the_cell_says_what_rounds(
-    made, tmp_path: Path, controller: str, robot: str, option: dict, word: str, zones: tuple[float, float]
-) -> None:
+def test_no_stop_where_the_cell_says_what_rounds(made, tmp_path, controller, robot, option, word, zones):
     """The feed for half of 0.02 s; of the levels the largest within 0.3 mm."""
     moves = made[robot]
     plain = cell_of(robot, tmp_path, TOOLS.get(robot), dialect=controller)
@@ -116,32 +130,6 @@ def test_no_stop_where_the_cell_says_what_rounds(
     assert not any(move.zone_mm for move in stopping.moves)
     with pytest.raises(InputError, match="CNT rounds" if controller == "fanuc" else "position_levels_mm"):
         back(moves, plain, controller, written)
-
-
-@pytest.mark.parametrize(("controller", "robot"), [case for case in CASES if case[0] != "yaskawa"])
-def test_targets_lie_where_the_postures_put_the_tool(made, cells, controller: str, robot: str) -> None:
-    """By forward kinematics, with the tool that the program says: nothing of the writer's own poses."""
-    moves, cell = made[robot], cells[robot]
-    program = back(moves, cell, controller, files(moves, cell, controller))
-    if controller in ("fanuc", "trajectory"):
-        tool_pose = moves.flange_from_point
-    else:
-        tool_pose = program.tools[program.moves[0].tool].flange_from_tool
-    start = (forward_kinematics(cell.chain, program.moves[0].joints) @ tool_pose)[:3, 3]
-    assert np.abs(start - moves.position_mm[0]).max() < 0.05
-    if controller == "trajectory":
-        at = forward_kinematics(cell.chain, np.array([m.joints for m in program.moves])) @ tool_pose
-        wanted = moves.postures.position_mm
-        assert max(np.linalg.norm(at[:, :3, 3] - p, axis=1).min() for p in wanted) < 1e-3
-        assert max(off_way(wanted, p) for p in at[:, :3, 3]) < 1e-3  # rows between postures lie on their chords
-        times = np.array([m.time_s for m in program.moves])
-        way = np.linalg.norm(np.diff(at[:, :3, 3], axis=0), axis=1)
-        assert (way / np.diff(times) < 20.001).all()
-        assert times[-1] == pytest.approx(moves.toolpath.time_s, rel=0.01)
-        return
-    for i, move in enumerate(program.moves[1 - len(moves.layer) :], 1):
-        stands = forward_kinematics(cell.chain, moves.postures.joints[moves.point[i]]) @ tool_pose
-        assert np.abs(stands[:3, 3] - move.pose[:3, 3]).max() < 0.001
 
 
 def test_kuka_says_status_and_turn_as_the_controller_counts_them(cells) -> None:
@@ -389,31 +377,6 @@ def test_without_a_turntable_no_external_axis_is_moved(tmp_path: Path) -> None:
         written = files(moves, cell, controller)
         assert {move.turntable for move in back(moves, cell, controller, written).moves} == {None}
         assert not any("E1" in text or "GP2" in text or "popup" in text or "MSG" in text for text in written.values())
-
-
-def test_yaskawa_says_the_configuration(cells) -> None:
-    """RCONF: flip 0 where R lies within 90 deg of a whole turn, lower arm 1, rear 1; R, T, S beyond +-180 deg."""
-    chain = cells["gp25"].chain
-    flip, no_flip = (0, 90, -89, 271, 360, -270, -360), (91, 180, 270, -90, -180, -269)
-    for r in (*flip, *no_flip):
-        assert inform_configuration(chain, np.radians([0, 0, 0, r, -90, 0]))[0] == (r in no_flip)
-    assert inform_configuration(chain, np.radians([0, 0, 0, 0, 90, 0])) == (0, 0, 0, 0, 0, 0)
-    assert inform_configuration(chain, np.radians([180, 60, 130, 185, -90, -200])) == (1, 1, 0, 1, 1, 0)
-    assert inform_configuration(chain, np.radians([-180, -100, 60, -180, -90, 180]))[2:] == (1, 1, 0, 1)
-
-
-def test_a_pose_and_its_configuration_are_one_posture(cells) -> None:
-    """All of 300 random postures of which no joint is beyond 180 deg come back; beyond it, joint 6 has two."""
-    chain = cells["gp25"].chain
-    arm, rng = Arm(chain, cells["gp25"].flange_from_cutter, np.eye(4)), np.random.default_rng(7)
-    for _ in range(300):
-        joints = rng.uniform(*np.clip(chain.limits, -3.1, 3.1).T)
-        found = arm.postures(arm.pose(forward_kinematics(chain, joints)), inform_configuration(chain, joints))
-        assert len(found) == 1
-        assert np.abs(found[0] - joints).max() < 1e-6
-    joints = np.radians([10, 20, -10, 30, -60, 200])
-    found = arm.postures(arm.pose(forward_kinematics(chain, joints)), inform_configuration(chain, joints))
-    assert len(found) == 1  # -160 deg is not beyond 180, and 200 - 720 deg is beyond the limits
 
 
 def test_a_job_says_the_angles_of_its_first_position(made, cells) -> None:

@@ -19,13 +19,13 @@ from workbench.errors import InputError
 from workbench.path import simplify
 from workbench.program import csv, write
 from workbench.report import html
-from workbench.robot import Cell
+from workbench.robot import Cell, read_cell
 from workbench.robot import Shape as Shape_
-from workbench.robot.cell_file import HomePart, ProcessPart, SpindleCurvePart
 
 from .conftest import passed, rejected
 from .languages import from_text, text
 from .paths import Shape, mill_path, run_move
+from .postured import DATA
 
 WRITERS: list[Callable[..., Any]] = [write, partial(write, controller="kuka")]
 
@@ -72,9 +72,7 @@ def test_without_a_cell_there_is_no_program(write: Callable[..., Any], path: Too
 @pytest.mark.parametrize(
     ("loose", "off"), [({"chord_tolerance_mm": 0.2}, "0.2"), ({"angle_tolerance_deg": 1.0}, "0.27")]
 )
-def test_moves_may_not_leave_the_path_farther_than_it_was_checked_for(
-    path: Toolpath, loose: dict[str, float], off: str
-) -> None:
+def test_moves_may_not_leave_the_path_farther_than_it_was_checked_for(path, loose, off):
     with pytest.raises(InputError, match=rf"leave the path by up to {off}\d* mm, and it was checked for 0.05 mm"):
         write(simplify(path, **loose), passed(path, reached=False))
 
@@ -136,7 +134,6 @@ def test_the_first_page_says_what_was_not_checked(moves: Moves, irb6700: Cell) -
 def giving_way(moves: Moves, by_mm: float) -> Moves:
     """The moves with a cutter that is pushed off the bevel face all along."""
     made = moves.postures
-    assert made is not None
     normal = Rotation.from_quat(made.quaternion_wxyz, scalar_first=True).as_matrix()[:, :, 0]
     return replace(moves, postures=replace(made, displacement_mm=by_mm * normal))
 
@@ -167,14 +164,12 @@ def test_a_robot_that_does_not_come_back_gets_no_program(moves: Moves, irb6700: 
 
 
 @pytest.mark.parametrize(("rpm", "torque", "free"), [(6000, 1.9, True), (6000, 2.1, False), (9000, 1.9, False)])
-def test_a_cutter_that_asks_more_than_its_spindle_has_gets_no_program(
-    moves: Moves, irb6700: Cell, rpm: float, torque: float, free: bool
-) -> None:
+def test_a_cutter_that_asks_more_than_its_spindle_has_gets_no_program(moves, irb6700, rpm, torque, free):
     """2 Nm up to 6000 rpm, half of that at 12000; 2.1 Nm at 6000 rpm are 1.32 kW, 1.9 at 9000 are 1.79."""
     made = moves.postures
-    assert made is not None
     asked = replace(made, torque_nm=np.linspace(0, torque, len(made.layer)), spindle_rpm=rpm)
-    curve = SpindleCurvePart(speed_rpm=[0.1, 6000, 12000], torque_nm=[2, 2, 1], power_kw=[1e-4, 1.3, 1.3])
+    numbers = {"speed_rpm": [0.1, 6000, 12000], "torque_nm": [2, 2, 1], "power_kw": [1e-4, 1.3, 1.3]}
+    curve = read_cell(DATA / "cell.json").spindle.model_copy(update=numbers)
     cell = replace(irb6700, spindle=curve)
     written = write(replace(moves, postures=asked), passed(moves.toolpath), cell)
     found = next(one for one in written if isinstance(one, PathGate))
@@ -192,7 +187,7 @@ def test_a_cutter_that_asks_more_than_its_spindle_has_gets_no_program(
 @pytest.mark.parametrize("controller", ["kuka", "trajectory"])
 def test_what_another_controller_reads_ends_in_exit_1(moves: Moves, irb6700: Cell, controller: Any) -> None:
     """The cell is an ABB's: nothing of its process can be said, and nobody knows whether the controller takes it."""
-    home = ProcessPart(home=HomePart(joints_deg=(0, 0, 10, 10, 45, 0)), coolant_signal="doCoolant", mechanical_unit="S")
+    home = read_cell(DATA / "cell.json").process.model_copy(update={"spindle": None, "probe": None})
     made = write(moves, passed(moves.toolpath), replace(irb6700, unchecked=(), process=home), controller=controller)
     gate = next(one for one in made if isinstance(one, PathGate))
     assert not gate.clean

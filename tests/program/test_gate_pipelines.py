@@ -183,40 +183,6 @@ def test_a_fault_gives_no_program_and_the_reason(change, status, words, tmp_path
     assert words in "".join(capsys.readouterr())
 
 
-def plan(folder: Path, *more: dict[str, Any], **change: Any) -> Path:
-    """A pipeline up to `path.check`, and more, beside its recording."""
-    entries = stages(SOUND | change)
-    at = next(i for i, entry in enumerate(entries) if entry["stage"] == "path.check")
-    (folder / "plan.json").write_text(json.dumps({"version": 1, "stages": [*entries[: at + 1], *more]}))
-    return folder / "plan.json"
-
-
-def test_a_rejected_path_gives_no_program_by_way_of_its_file(sound, capsys):
-    """It is written for the report, marked as refused; whoever reads it back is told so."""
-    pipeline, out = plan(sound, sink_mm=0.3, layer=-1), sound / "plan"
-    assert main(["run", str(pipeline), "--out", str(out)]) == 1
-    again = [
-        {"stage": "path.read", "toolpath": "plan/toolpath.json"},
-        {"stage": "path.check_file"},
-        {"stage": "path.simplify"},
-        {"stage": "program.write"},
-        {"stage": "program.csv"},
-    ]
-    (sound / "again.json").write_text(json.dumps({"version": 1, "stages": again}))
-    capsys.readouterr()
-    assert main(["run", str(sound / "again.json"), "--out", str(sound / "programs")]) == 1
-    assert "its file says: path refused" in capsys.readouterr().out
-    assert {path.name for path in (sound / "programs").iterdir()} == {"run.json", "toolpath.json"}
-
-
-def test_what_changes_a_path_after_its_check_takes_the_release_with_it(sound, capsys):
-    sink = {"stage": "fault.sink", "layer": 0, "by_mm": 0.0, "id": "later"}
-    pipeline = plan(sound, sink, {"stage": "path.simplify"}, {"stage": "program.write"})
-    assert main(["run", str(pipeline), "--out", str(sound / "new")]) == 2
-    assert "the gate is not this path's" in capsys.readouterr().err
-    assert not (sound / "new").exists()
-
-
 @pytest.mark.parametrize("pipeline", sorted((ROOT / "pipelines").glob("*.json")), ids=lambda path: path.stem)
 def test_every_shipped_program_has_a_gate_on_its_path(pipeline):
     """Where a shipped pipeline knows the robot, that is the gate of its postures, and of the program for the table."""

@@ -11,8 +11,7 @@ import pytest
 from workbench.api import inverse, pose_from, rotation_from_quaternion
 from workbench.artefacts import Judgement, PathGate, Toolpath
 from workbench.path import simplify
-from workbench.plugins.stiffness import force, posture
-from workbench.plugins.stiffness.values import JointStiffness
+from workbench.plugins.stiffness import force, posture, read
 from workbench.program import write
 from workbench.robot import Cell, forward_kinematics
 
@@ -39,7 +38,7 @@ def test_a_path_becomes_a_judged_program(tmp_path: Path, robot: str) -> None:
     cell = replace(cell_of(robot, tmp_path, dialect=OWN[robot]), accelerations=ACCELERATIONS)
     path = in_reach(mill_path(Shape(bend=1 / 300, length_mm=20)), cell, robot)
     springs = STIFFNESS.get(robot)
-    stiffness = springs and JointStiffness(np.full(6, springs), np.zeros((6, 6)), 0.0, 0, 0, "stated")
+    stiffness = springs and read(joint_stiffness_nm_per_rad=(springs,) * 6)
     grid = {"cutter_rotation_deg": (-30, 30), "turntable_deg": (0, 0), "step_deg": 15.0, "sampled_points": 6}
     gate = PathGate(True, "", toolpath=path, tolerance_mm=0.05)
     made, gate, *_ = posture(cell, stiffness, path, force(path)[0], gate, whole_map=False, **grid)

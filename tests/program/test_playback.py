@@ -16,7 +16,6 @@ def test_bodies_stand_where_the_robot_has_them(moves: Moves, irb6700: Cell, shar
     """Ends of all edges are corners of the cell as it is drawn in that posture; the cutter's way ends at its tip."""
     *_, judgement, chapter = write(moves, passed(moves.toolpath), irb6700)
     scene, driven = chapter.scene, judgement.driven
-    assert scene is not None
     frame = int(share * (len(scene.frames) - 1))
     assert len(scene.frames) == len(driven["line"]) <= 600  # none is left out
     drawn = cell_triangles(irb6700, driven["joints"][frame], float(driven["turntable"][frame]), sides=8)

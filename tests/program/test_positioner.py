@@ -25,7 +25,6 @@ from workbench.artefacts import (
 )
 from workbench.errors import InputError
 from workbench.plugins import stiffness
-from workbench.plugins.stiffness.path_points import PathPoints
 from workbench.robot import Cell, read_cell
 from workbench.units import Float
 
@@ -88,8 +87,8 @@ def planned(cell: Cell, plan: Toolpath, springs: Any = None, **more: Any) -> tup
     force, _ = stiffness.force(plan, None, cell)
     at = {"cutter_rotation_deg": (-180, 180), "turntable_deg": (-90, 90), "tilt_deg": (-30, 30), "step_deg": 20.0}
     at |= {"whole_map": False, "sampled_points": 10} | more
-    postures, gate, document, _ = stiffness.posture(cell, springs, plan, force, path.check_file(plan), **at)
-    return postures, gate, json.loads(document.content)
+    postures, gate, document, page = stiffness.posture(cell, springs, plan, force, path.check_file(plan), **at)
+    return postures, gate, json.loads(document.content) | {"page": page.html}
 
 
 def written(cell: Cell, plan: Toolpath, postures: Postures, gate: PathGate) -> tuple[Moves, ProgramMoves, str]:
@@ -123,7 +122,7 @@ def law(tmp_path_factory: Any) -> Any:
     cell = positioner(tmp_path_factory.mktemp("law"), "abb")
     plan = edge(cell, 1.2, 1 / 100)
 
-    def ways(_: Cell, points: PathPoints, *__: object) -> Iterator[PathPoints]:
+    def ways(_: Cell, points: Any, *__: object) -> Iterator[Any]:
         turning = np.radians(np.linspace((25.0, 0.0), (40.0, 4.0), len(points.layer)))
         yield replace(points, drift=turning)
 
@@ -185,6 +184,7 @@ def test_every_language_says_both_axes(tmp_path: Path, dialect: str) -> None:
     postures, gate, document = planned(cell, plan)
     tilt, table = np.degrees(postures.turntable[0])
     assert (document["constant"]["tilt_deg"], document["constant"]["turntable_deg"]) == pytest.approx((tilt, table))
+    assert f"The turntable is tilted by {tilt:g}°." in document["page"]
     moves, read, text = written(cell, plan, postures, gate)
     said = {
         "abb": f"[{tilt:.4f},{table:.4f},9E+09,",

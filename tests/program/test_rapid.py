@@ -108,9 +108,7 @@ ATTACKS = [
 
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(part_id=st.sampled_from(ATTACKS) | st.text(), source=st.sampled_from(ATTACKS) | st.text())
-def test_names_out_of_files_are_comments_and_nothing_else(
-    moves: Moves, irb6700: Cell, part_id: str, source: str
-) -> None:
+def test_names_out_of_files_are_comments_and_nothing_else(moves, irb6700, part_id, source):
     plain = text(moves, irb6700).splitlines()
     named = replace(moves, toolpath=replace(moves.toolpath, part=Part(part_id=part_id), source=source))
     lines = text(named, irb6700).splitlines()

@@ -104,14 +104,12 @@ def test_all_that_it_says_becomes_moves() -> None:
     program = Module().program({"Hand.mod": MODULE})
     home, line, arc = program.moves
     assert [(move.kind, move.line) for move in program.moves] == [("J", 17), ("L", 18), ("C", 19)]
-    assert home.joints is not None
     assert np.allclose(np.degrees(home.joints), (0, 10, -20, 0, 5, 0))
     assert (home.turntable, home.tool, home.work_object) == (None, "t", "w")
     assert line.pose is not None
     assert np.allclose(line.pose, [[1, 0, 0, 1.5], [0, 1, 0, -2], [0, 0, 1, 0.5], [0, 0, 0, 1]])
     assert (line.configuration, line.zone_mm, line.feed_mm_s) == ((0, -1, 1, 0), 2, 1.25)
     assert arc.turntable == pytest.approx(np.radians(30))
-    assert arc.via is not None
     assert np.allclose(arc.via[:3, 3], (5, 6, 0))
     assert (program.tools["spindle"].flange_from_tool, program.work_objects["plate"]) == (None, None)
     assert np.allclose(program.work_objects["w"][:3, 3], (1, 2, 3))

@@ -10,19 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workbench.artefacts import Judgement, Moves, PathGate
+from workbench.artefacts import Judgement, Moves, PathGate, ProgramMoves
 from workbench.errors import InputError
 from workbench.program import write
 from workbench.robot import Cell, forward_kinematics, read_cell
-from workbench.robot.cell_file import ProbePart
-from workbench.robot.judge import judge
-from workbench.robot.process import disorders, not_seen
 
 from . import languages
 from .conftest import passed
 from .languages import from_text, text
 from .paths import Shape
-from .postured import CUTTER, DATA, ROBOTS, cell_of, postured
+from .postured import CUTTER, ROBOTS, cell_of, postured
 
 HOME = (0.0, 0.0, 10.0, 10.0, 45.0, 0.0)
 FULL: dict[str, Any] = {
@@ -57,6 +54,15 @@ def layers(cell: Cell) -> Moves:
     return postured(cell, "irb6700", Shape(bend=1 / 300, length_mm=60, layers=2))
 
 
+def judged(cell: Cell, program: ProgramMoves, moves: Moves) -> Judgement:
+    return cell.judge(program, moves, 0.05, lambda *_: None)
+
+
+def disorders(cell: Cell, program: ProgramMoves, moves: Moves) -> str:
+    """What the judge says of the process, in one text."""
+    return " ".join(one.finding for one in judged(cell, program, moves).violations if one.kind == "process")
+
+
 def refused(moves: Moves, cell: Cell) -> str:
     gate, *_ = (one for one in write(moves, passed(moves.toolpath), cell) if isinstance(one, PathGate))
     assert not gate.passed
@@ -74,13 +80,13 @@ def test_it_is_judged_with_home_and_retract(layers: Moves, cell: Cell) -> None:
     far = np.linalg.norm(
         (forward_kinematics(cell.chain, np.radians(HOME)) @ cell.flange_from_cutter)[:3, 3] - layers.position_mm[0]
     )
-    bare = judge(replace(cell, process=None), from_text(text(layers, cell), layers, cell))
+    bare = judged(replace(cell, process=None), from_text(text(layers, cell), layers, cell), layers)
     assert bare.length_mm > 1.5 * far  # out and back
 
 
 def test_the_way_home_is_looked_at(tmp_path: Path, layers: Moves, cell: Cell) -> None:
     """A clamp half-way, and the plate itself although the cutter may touch it."""
-    joints = judge(cell, from_text(text(layers, cell), layers, cell)).program.moves
+    joints = from_text(text(layers, cell), layers, cell).moves
     half = (joints[0].joints + joints[1].joints) / 2
     tip = (forward_kinematics(cell.chain, half) @ cell.flange_from_cutter)[:3, 3]
     shape = {
@@ -109,8 +115,7 @@ def test_a_program_without_it_may_not_run(layers: Moves, cell: Cell, old: str, n
     written = text(layers, cell)
     assert old in written
     program = from_text(written.replace(old, new), layers, cell)
-    assert finding in " ".join(words for _, words in disorders(program, cell.process))
-    assert any(one.kind == "process" for one in judge(cell, program).violations)
+    assert finding in disorders(cell, program, layers)
 
 
 @pytest.mark.parametrize(
@@ -138,17 +143,6 @@ def test_the_turntable_waits_where_the_path_has_it(tmp_path: Path, cell: Cell) -
         assert np.degrees([home.turntable, last.turntable]) == pytest.approx([angle, angle], abs=1e-3)
 
 
-def test_a_table_that_is_free_at_home_may_come_from_anywhere(tmp_path: Path) -> None:
-    """A post on its rim meets the arm at some angle: then where the table stands is among what nobody looks at."""
-    tree = json.loads((DATA / "cell.json").read_text())
-    tree["robot"]["urdf"] = str(DATA / tree["robot"]["urdf"])
-    post = {"name": "post", "on": "turntable", "pose": {"position_mm": [-450, 0, 820]}, "box_mm": [80, 80, 2600]}
-    for more, said in (([], "the robot stands to home"), ([post], "the robot and its external axes stand to home")):
-        (tmp_path / "cell.json").write_text(json.dumps(tree | {"fixtures": [*tree["fixtures"], *more]}))
-        made = read_cell(tmp_path / "cell.json")
-        assert next(not_seen(made, made.process, "abb")) == f"the way from where {said}"
-
-
 def test_what_is_not_said_is_told(tmp_path: Path, layers: Moves) -> None:
     cell = cell_with(tmp_path, {"home": {"joints_deg": HOME}, "spindle": {"on_signal": "doSpindle"}, "restart": False})
     document, *_ = write(layers, passed(layers.toolpath), cell)
@@ -159,19 +153,6 @@ def test_what_is_not_said_is_told(tmp_path: Path, layers: Moves) -> None:
     document, *_ = write(layers, passed(layers.toolpath), cell, controller="trajectory")
     words = " ".join(document.content.decode().replace("#", " ").split())
     assert "spindle and coolant: the program does none of it" in words
-
-
-@pytest.mark.parametrize(
-    ("change", "finding"),
-    [
-        ({"coolant_signal": "DOSPINDLE"}, "different signals of spindle and coolant"),
-        ({"before": ["stop"]}, "a name that has no meaning in RAPID yet, found 'stop'"),
-        ({"approach_mm": 2000.0}, r"process.approach_mm: expected a point that the robot reaches"),
-    ],
-)
-def test_a_process_that_cannot_be_written_is_refused(tmp_path: Path, layers: Moves, change: Any, finding: str) -> None:
-    with pytest.raises(InputError, match=finding):
-        text(layers, cell_with(tmp_path, {**FULL, **change}))
 
 
 MAKERS = {"abb": "irb6700", "kuka": "kr210", "fanuc": "m20ia", "ur": "ur10e", "yaskawa": "gp25"}
@@ -276,13 +257,14 @@ def test_a_shape_only_path_gets_a_program_that_stops_for_the_operator(tmp_path: 
     assert tip[:3, 3] + 60 * tip[:3, 2] == pytest.approx(begin, abs=0.02)
     (silent,) = write(moves, gate, replace(cell, process=cell.process.model_copy(update={"probe": None})))
     assert silent.shape_only
-    elsewhere = replace(cell, process=cell.process.model_copy(update={"probe": ProbePart(distance_mm=61.0)}))
-    told = elsewhere.judge(judgement.program, moves, 0.05, lambda *_: None)
+    nearer = cell.process.probe.model_copy(update={"distance_mm": 61.0})
+    elsewhere = replace(cell, process=cell.process.model_copy(update={"probe": nearer}))
+    told = judged(elsewhere, judgement.program, moves)
     assert any("beside the point that the operator is asked for" in one.finding for one in told.violations)
     unasked = replace(
         judgement.program, events=tuple(event for event in judgement.program.events if event.kind != "stop")
     )
-    told = cell.judge(unasked, moves, 0.05, lambda *_: None)
+    told = judged(cell, unasked, moves)
     assert any("does not stop where the operator sees" in one.finding for one in told.violations)
     assert STOPS[controller] in files[0].content.decode()
 
@@ -318,8 +300,7 @@ def test_what_is_changed_in_any_language_is_refused(other: tuple[str, Cell, Move
             with pytest.raises(InputError, match="cell file's process section"):
                 dialect.read(wrong)
     never = dialect.read({name: text.replace(on, off) for name, text in files.items()})
-    assert "before the spindle is on and at speed" in " ".join(words for _, words in disorders(never, cell.process))
-    assert any(one.kind == "process" for one in judge(cell, never).violations)
+    assert "before the spindle is on and at speed" in disorders(cell, never, moves)
 
 
 def test_a_statement_behind_a_blend_is_refused(other: tuple[str, Cell, Moves]) -> None:
@@ -350,6 +331,9 @@ def test_a_statement_behind_a_blend_is_refused(other: tuple[str, Cell, Moves]) -
 @pytest.mark.parametrize(
     ("controller", "change", "finding"),
     [
+        ("abb", {"coolant_signal": "DOSPINDLE5"}, "different signals of spindle and coolant"),
+        ("abb", {"before": ["stop"]}, "a name that has no meaning in RAPID yet, found 'stop'"),
+        ("abb", {"approach_mm": 2000.0}, "process.approach_mm: expected a point that the robot reaches"),
         ("kuka", {"before": ["halt"]}, "a name that has no meaning to KUKA yet, found 'halt'"),
         ("kuka", {"mechanical_unit": "STN1"}, "mechanical_unit: expected null for KUKA"),
         ("fanuc", {"coolant_signal": "doCoolant"}, "coolant_signal: expected one of a signal's numbers for FANUC"),
@@ -385,10 +369,9 @@ def test_home_that_the_controller_has(tmp_path: Path, controller: str, name: str
     dialect, files = files_of(controller, moves, cell)
     program = dialect.read(files)
     assert (program.moves[0].joints, program.moves[0].place) == (None, name)
-    assert judge(cell, program).passed
+    assert judged(cell, program, moves).passed
     if controller == "abb":  # any name may be the controller's; none is declared
         assert not any(f"jointtarget {name}" in text for text in files.values())
-        (found, *_) = judge(
-            cell, dialect.read({one: text.replace(name, "jOther") for one, text in files.items()})
-        ).violations
+        other = dialect.read({one: text.replace(name, "jOther") for one, text in files.items()})
+        (found, *_) = judged(cell, other, moves).violations
         assert "no joint angles" in found.finding

@@ -17,7 +17,6 @@ from workbench.artefacts import Gate, Judgement, Moves, PathGate, Postures, Tool
 from workbench.errors import InputError
 from workbench.plugins import stiffness
 from workbench.robot import Cell, read_cell
-from workbench.robot.judge import judge
 from workbench.units import Float
 
 from .languages import back
@@ -154,7 +153,8 @@ def test_what_the_track_cannot_do_is_refused(milled: Any) -> None:
         ("speed", {"speed": np.radians(3.0)}),  # mm/s, and the feed is 6 beside the cut
         ("acceleration", {"acceleration": np.radians(0.1)}),
     ):
-        found = judge(replace(cell, turntable=replace(table, **change)), judged.program)
+        less = replace(cell, turntable=replace(table, **change))
+        found = less.judge(judged.program, moves, 0.05, lambda *_: None)
         told = {(one.kind, one.finding.startswith("the track")) for one in found.violations}
         stands = kind == "acceleration" and not any(move.zone_mm for move in judged.program.moves)  # at every target
         assert told == (set() if stands else {(kind, True)})

@@ -12,7 +12,6 @@ from workbench.api import inverse, quaternion_from_rotation
 from workbench.artefacts import Judgement, Moves, ProgramMoves
 from workbench.path import simplify
 from workbench.program import write
-from workbench.program.trajectory import Table
 from workbench.robot import (
     Cell,
     forward_kinematics,
@@ -21,10 +20,9 @@ from workbench.robot import (
     turntable_pose,
     within_limits,
 )
-from workbench.robot.judge import judge
-from workbench.robot.surface import Planned
 
 from .conftest import passed
+from .languages import back
 from .paths import Shape
 from .postured import cell_of, postured
 
@@ -71,8 +69,8 @@ def sound(moves: Moves, cell: Cell) -> tuple[dict[str, str], Judgement]:
     return written(moves, cell)
 
 
-def planned(moves: Moves) -> Planned:
-    return Planned(moves.toolpath, 0.0, 0.05, moves.flange_from_point)
+def judged(cell: Cell, program: ProgramMoves, moves: Moves) -> Judgement:
+    return cell.judge(program, moves, 0.05, lambda *_: None)
 
 
 def test_what_is_written_passes_in_the_files_own_time(moves: Moves, sound: tuple[dict[str, str], Judgement]) -> None:
@@ -84,9 +82,7 @@ def test_what_is_written_passes_in_the_files_own_time(moves: Moves, sound: tuple
     assert 0 < judgement.speed_share < 1
 
 
-def test_where_the_turntable_turns_fast_rows_lie_nearer(
-    moves: Moves, cell: Cell, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_where_the_turntable_turns_fast_rows_lie_nearer(moves, cell, monkeypatch):
     """To and fro by 8 deg, 2 deg from posture to posture: even angles leave the path by r theta^2/8."""
     made = moves.postures
     step = np.arange(len(made.layer))
@@ -114,11 +110,9 @@ def test_where_the_turntable_turns_fast_rows_lie_nearer(
     assert "deviation" in {one.kind for one in judgement.violations}
 
 
-def test_times_stay_those_of_the_feed_where_joints_can_follow(
-    moves: Moves, sound: tuple[dict[str, str], Judgement]
-) -> None:
+def test_times_stay_those_of_the_feed_where_joints_can_follow(moves, sound):
     """No step is shorter than its feed, and few are longer: those beside a standstill or a corner."""
-    program = Table().program(sound[0])
+    program = sound[1].program
     made = moves.postures
     at = np.array([np.abs(made.joints - move.joints).max(axis=1).argmin() for move in program.moves])
     way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(made.position_mm, axis=0), axis=1) / made.feed_mm_s[1:]))
@@ -128,26 +122,22 @@ def test_times_stay_those_of_the_feed_where_joints_can_follow(
 
 
 @pytest.mark.parametrize(("by", "kind"), [(2.0, "acceleration"), (100.0, "acceleration"), (5000.0, "speed")])
-def test_a_faster_file_is_refused_naming_joint_and_line(
-    moves: Moves, cell: Cell, sound: tuple[dict[str, str], Judgement], by: float, kind: str
-) -> None:
+def test_a_faster_file_is_refused_naming_joint_and_line(moves, cell, sound, by, kind):
     files, _ = sound
-    found = judge(cell, Table().program(faster(files, by)), planned(moves))
+    found = judged(cell, back(moves, cell, "trajectory", faster(files, by)), moves)
     assert kind in {one.kind for one in found.violations}
     rows = files["BevelPath.csv"].splitlines()
     for one in found.violations:
         assert ("joint " in one.finding) == (one.kind != "feed")
         assert rows[one.line - 1][0].isdigit()
-    assert judge(cell, Table().program(faster(files, 1.0)), planned(moves)).passed
+    assert judged(cell, back(moves, cell, "trajectory", faster(files, 1.0)), moves).passed
 
 
 @pytest.mark.parametrize("by", [1.06])
-def test_a_faster_file_is_refused_for_its_feed_where_no_accelerations_are_known(
-    moves: Moves, cell: Cell, by: float
-) -> None:
+def test_a_faster_file_is_refused_for_its_feed_where_no_accelerations_are_known(moves, cell, by):
     silent = replace(cell, accelerations=None)
     files, _ = written(moves, silent)
-    found = judge(silent, Table().program(faster(files, by)), planned(moves))
+    found = judged(silent, back(moves, silent, "trajectory", faster(files, by)), moves)
     assert {one.kind for one in found.violations} == {"feed"}
     said = [one.finding for one in found.violations]
     assert all(any(f"along layer {layer} at" in one for one in said) for layer in (1, 2))
@@ -156,11 +146,11 @@ def test_a_faster_file_is_refused_for_its_feed_where_no_accelerations_are_known(
 def test_one_row_of_a_layer_that_comes_too_soon_is_found(moves: Moves, cell: Cell) -> None:
     """Between two rows of a layer that is milled at 1 mm/s, although travels are at 20."""
     silent = replace(cell, accelerations=None)
-    program = Table().program(written(moves, silent)[0])
+    program = written(moves, silent)[1].program
     feed = np.diff([move.time_s for move in program.moves])
     slow = int(np.flatnonzero((feed > 0.9) & (np.array([move.layer for move in program.moves[1:]]) == 2))[5]) + 1
     moved = [replace(move, time_s=move.time_s - 0.5) if i >= slow else move for i, move in enumerate(program.moves)]
-    (found,) = judge(silent, replace(program, moves=tuple(moved)), planned(moves)).violations
+    (found,) = judged(silent, replace(program, moves=tuple(moved)), moves).violations
     assert (found.line, found.kind) == (program.moves[slow].line, "feed")
     assert "the tool goes along layer 2 at 2" in found.finding
 
@@ -179,14 +169,13 @@ def plated(moves: Moves, tmp_path_factory: pytest.TempPathFactory) -> tuple[Cell
     file.write_text(json.dumps(tree | {"fixtures": [block], "may_touch": [["cutter", "workpiece"]]}))
     cell = replace(read_cell(file), accelerations=ACCELERATIONS)
     own = postured(cell, ROBOT, BEND)
-    files, judgement = written(own, cell)
+    judgement = written(own, cell)[1]
     assert judgement.passed, judgement.violations
-    return cell, own, Table().program(files)
+    return cell, own, judgement.program
 
 
-def collisions(cell: Cell, program: ProgramMoves, moves: Moves | None) -> set[int]:
-    found = judge(cell, program, moves and planned(moves))
-    return {one.line for one in found.violations if one.kind == "collision"}
+def collisions(cell: Cell, program: ProgramMoves, moves: Moves) -> set[int]:
+    return {one.line for one in judged(cell, program, moves).violations if one.kind == "collision"}
 
 
 def test_the_rows_of_the_path_may_mill_the_plate(plated: tuple[Cell, Moves, ProgramMoves]) -> None:
@@ -194,7 +183,6 @@ def test_the_rows_of_the_path_may_mill_the_plate(plated: tuple[Cell, Moves, Prog
     assert {move.layer for move in program.moves} == {0, 1, 2}
     silent = replace(program, moves=tuple(replace(move, layer=None) for move in program.moves))
     assert collisions(cell, silent, moves)
-    assert collisions(cell, program, None)  # nobody says what its path is
     held = replace(cell, may_touch=())
     assert collisions(held, program, moves)
 
@@ -223,4 +211,4 @@ def test_a_way_aside_between_two_parts_of_the_path_is_found(plated: tuple[Cell, 
     more = [*rows[: i + 1], aside, rows[i], *rows[i + 1 :]]
     timed = tuple(replace(move, line=n + 1, time_s=20.0 * n) for n, move in enumerate(more))
     program = replace(whole, moves=timed)
-    assert "deviation" in {one.kind for one in judge(cell, program, planned(moves)).violations}
+    assert "deviation" in {one.kind for one in judged(cell, program, moves).violations}

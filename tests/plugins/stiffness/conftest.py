@@ -43,7 +43,6 @@ Make = Callable[..., LoadingTests]
 def exact(cell: Cell) -> Make:
     """`exact(targets)`: +-200 N along three axes at every load point and posture of Table A1, without noise."""
     setup = cell.loading
-    assert setup is not None
 
     @functools.cache
     def make(targets: int = 0, points: int | None = None) -> LoadingTests:

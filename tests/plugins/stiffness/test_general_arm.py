@@ -1,17 +1,11 @@
 """The optimiser for any arm: the kernels' own numbers where those hold, and an UR that mills."""
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.program.paths import moved
-from workbench.api import inverse, pose_from, rotation_from_quaternion, rotation_from_vector
-from workbench.artefacts import Toolpath
-from workbench.path import read
-from workbench.plugins.stiffness import force, posture
+from workbench.api import inverse, pose_from, rotation_from_vector
 from workbench.plugins.stiffness.arm import (
     BRANCHES,
     Arm,
@@ -19,12 +13,10 @@ from workbench.plugins.stiffness.arm import (
     LoadedPath,
     arm_of,
 )
-from workbench.plugins.stiffness.values import JointStiffness
-from workbench.robot import Cell, forward_kinematics, inverse_kinematics, read_cell, spherical_wrist
+from workbench.robot import Cell, forward_kinematics, inverse_kinematics, spherical_wrist
 from workbench.units import Float
 
-from .conftest import ROOT, K
-from .test_posture import PATH, thinned
+from .conftest import K
 
 
 @pytest.mark.parametrize("sense", [(1, 1, 1, 1, 1, 1), (1, -1, 1, -1, -1, 1), (-1, 1, -1, 1, -1, -1)])
@@ -88,52 +80,3 @@ def test_a_wrist_on_axis_1_or_2_has_finite_angles(cell: Cell) -> None:
 
 def _still(cutter: Float) -> tuple[Float, Float, Float]:
     return cutter[None, None], cutter[None, None, :3, 3], np.full((1, 1, 3), 50.0)
-
-
-@pytest.fixture
-def ur(tmp_path: Path) -> Cell:
-    tree = {
-        "format": "robot-cell",
-        "version": 1,
-        "controller": {"dialect": "ur"},
-        "robot": {
-            "urdf": str(ROOT / "tests/robot/urdf/ur10e.urdf"),
-            "base_frame": "base",
-            "joint_stiffness_nm_per_rad": [2e4, 2e4, 2e4, 1e4, 1e4, 1e4],
-        },
-        "tool": {"flange_from_cutter": [[0, 0, 1, 120], [0, -1, 0, 0], [1, 0, 0, 80], [0, 0, 0, 1]]},
-    }
-    (tmp_path / "ur.json").write_text(json.dumps(tree))
-    return read_cell(tmp_path / "ur.json")
-
-
-def placed(path: Toolpath, cell: Cell, joints_deg: tuple[float, ...]) -> Toolpath:
-    """The path with its middle point's frame where a posture has the cutter."""
-    layer = path.layers[0]
-    i = len(layer.position_mm) // 2
-    frame = np.eye(4)
-    frame[:3, :3], frame[:3, 3] = rotation_from_quaternion(layer.quaternion_wxyz[i]), layer.position_mm[i]
-    move = forward_kinematics(cell.chain, np.radians(joints_deg)) @ cell.flange_from_cutter @ inverse(frame)
-    return moved(path, move)
-
-
-def test_an_ur_has_postures(ur: Cell) -> None:
-    """Its tool stands at every point, within limits and without a jump; the choice is the best of the grid's."""
-    assert not ur.warnings
-    path = placed(thinned(read(toolpath=PATH), 40), ur, (10, -70, 100, -60, -80, 30))
-    stiffness = JointStiffness(np.array([2e4, 2e4, 2e4, 1e4, 1e4, 1e4]), np.zeros((6, 6)), 0.0, 0, 0, "stated")
-    made, _, document, _ = posture(ur, stiffness, path, force(path)[0], step_deg=30.0, sampled_points=8)
-    flange = forward_kinematics(ur.chain, made.joints)
-    assert np.abs((flange @ made.flange_from_point)[:, :3, 3] - made.position_mm).max() < 1e-6
-    layer = path.layers[0]
-    axes = [
-        p - 5 * rotation_from_quaternion(q)[:, :, 0]
-        for p, q in ((made.position_mm, made.quaternion_wxyz), (layer.position_mm, layer.quaternion_wxyz))
-    ]
-    assert np.abs(axes[0] - axes[1]).max() < 1e-6  # the cutter's axis; about it the flange may turn
-    assert np.abs(np.diff(made.joints, axis=0)).max() < np.radians(15)
-    assert (np.abs(made.joints) <= ur.chain.limits[:, 1]).all()
-    over = json.loads(document.content)["map"]["mean_displacement_mm"]
-    values = [x for row in over for x in row if x is not None]
-    assert len(values) > 1
-    assert np.linalg.norm(made.displacement_mm, axis=1)[made.cutting].mean() < 1.2 * min(values)

@@ -56,7 +56,6 @@ def test_more_noise_than_stated_widens(identified: Any, cell: Cell, exact: Any) 
 def loads(cell: Cell, joints: Any, force: Any, points: Any, seed: int = 1) -> LoadingTests:
     """+- pairs of given forces (flange axes) at points of the flange."""
     setup = cell.loading
-    assert setup is not None
     rows = [
         (q, s * np.concatenate([f, np.cross(p - setup.flange_from_sensor[:3, 3], f) / 1e3]))
         for q in joints
@@ -82,7 +81,6 @@ def test_in_line_tool_loses_joint_6(identified: Any, noisy: Any) -> None:
 @pytest.mark.parametrize(("force", "lost"), [([0, 0, 200], "joint 1 cannot"), ([0, 200, 0], "joints 2 and 3 cannot")])
 def test_one_direction_loses_joints(identified: Any, cell: Cell, table_a1: Any, force: Any, lost: str) -> None:
     """Forces along the base's z do not turn joint 1; along y, at q1 = 0, neither joint 2 nor joint 3."""
-    assert cell.loading is not None
     points = cell.loading.load_points_mm[1:]
     parts = [loads(cell, [q], [in_base(cell, q, force)], points, seed=i) for i, q in enumerate(table_a1)]
     tests = dataclasses.replace(

@@ -36,7 +36,6 @@ def moved(tests: Any, by_mm: Any) -> Any:
 
 def giving(um_per_n: float) -> Change:
     def change(tests: Any, cell: Cell) -> Any:
-        assert cell.loading is not None
         sensor = (forward_kinematics(cell.chain, tests.joints) @ cell.loading.flange_from_sensor)[:, :3, :3]
         return moved(tests, 1e-3 * um_per_n * (sensor @ tests.wrench[:, :3, None])[..., 0])
 
@@ -98,9 +97,7 @@ ALONE: list[tuple[str, int, Change, str, int]] = [
         *(pytest.param(*one[1:], id=one[0]) for one in ALONE),
     ],
 )
-def test_small_faults_stand_in_u_and_are_named(
-    identified: Any, cell: Cell, noisy: Any, targets: int, change: Change, words: str, loads: int | None
-) -> None:
+def test_small_faults_stand_in_u_and_are_named(identified, cell, noisy, targets, change, words, loads):
     found, _ = identified(change(noisy(61, targets), cell))
     assert (np.abs(found.nm_per_rad - K) < 4 * found.u_nm_per_rad).all()
     assert any(words in note for note in found.warnings), found.warnings
@@ -114,18 +111,14 @@ def test_small_faults_stand_in_u_and_are_named(
         (offset_n(300.0), "N along the sensor's z axis in every load"),
     ],
 )
-def test_large_faults_are_refused_with_what_would_explain_them(
-    identified: Any, cell: Cell, noisy: Any, change: Change, words: str
-) -> None:
+def test_large_faults_are_refused_with_what_would_explain_them(identified, cell, noisy, change, words):
     with pytest.raises(InputError, match="what would") as caught:
         identified(change(noisy(62, 0, 2), cell))
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-def test_a_scale_that_nothing_shows_stands_in_u_where_it_is_declared_and_is_told_where_not(
-    identified: Any, noisy: Any
-) -> None:
+def test_a_scale_that_nothing_shows_stands_in_u_where_it_is_declared_and_is_told_where_not(identified, noisy):
     tests = noisy(63)
     blind, notes = identified(tests)
     gain, *others = notes["not_included"]
@@ -183,9 +176,7 @@ def scaled_columns(names: str, factor: float) -> Callable[[list[str], Any], Any]
         (1 / 4.44822, r"0\.2[23] times .* states: is the wrench in lbf"),
     ],
 )
-def test_the_unit_that_the_stated_stiffness_tells_is_named_first(
-    cell: Cell, written: Any, factor: float, cause: str
-) -> None:
+def test_the_unit_that_the_stated_stiffness_tells_is_named_first(cell, written, factor, cause):
     with pytest.raises(InputError, match=cause) as told:
         stiffness.identify(cell, loads=written(scaled_columns("ft", factor)))
     assert len(told.value.expected.replace(cell.source, "cell.json")) <= 200

@@ -49,9 +49,7 @@ SELDOM = dict.fromkeys(("ry in mrad", "all points in m"), pytest.mark.slow)  # a
 @pytest.mark.parametrize(
     ("targets", "change", "message"), [pytest.param(*m[1:], id=m[0], marks=SELDOM.get(m[0], ())) for m in MISTAKES]
 )
-def test_mistakes_are_named(
-    identified: Any, cell: Cell, noisy: Any, targets: int, change: Change, message: str
-) -> None:
+def test_mistakes_are_named(identified, cell, noisy, targets, change, message):
     with pytest.raises(InputError) as caught:
         identified(change(noisy(20, targets, 2), cell))  # of two load points
     assert message in str(caught.value)

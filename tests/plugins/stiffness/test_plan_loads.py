@@ -9,10 +9,11 @@ import pytest
 from workbench import Pipeline
 from workbench.errors import InputError
 from workbench.plugins.stiffness import identify, plan_loads, simulate_loads
-from workbench.plugins.stiffness.read import read_loads
 from workbench.robot import Cell, CollisionModel
 
 from .conftest import ROOT, K
+
+DATA = ROOT / "data"
 
 
 @pytest.fixture(scope="module")
@@ -66,9 +67,9 @@ def test_bad_postures_and_cells_are_refused(cell: Cell, stiffness: Any) -> None:
 
 def test_shipped_loads_are_what_the_pipeline_gives(tmp_path: Any) -> None:
     Pipeline.load(ROOT / "pipelines" / "plan_loads.json").run(tmp_path / "out")
-    made, shipped = tmp_path / "out" / "loads.csv", ROOT / "data" / "synthetic" / "loads.csv"
-    ours, theirs = read_loads(made), read_loads(shipped)
-    assert ours.labels == theirs.labels
-    assert np.allclose(ours.joints, theirs.joints, atol=1e-8)
-    assert np.allclose(ours.wrench, theirs.wrench, atol=1e-3)
-    assert np.allclose(ours.moved, theirs.moved, atol=1e-5)
+    made, shipped = (
+        np.loadtxt(path / "loads.csv", delimiter=",", skiprows=2) for path in (tmp_path / "out", DATA / "synthetic")
+    )
+    assert np.allclose(made[:, :7], shipped[:, :7], atol=1e-6)  # postures, deg
+    assert np.allclose(made[:, 7:13], shipped[:, 7:13], atol=1e-3)
+    assert np.allclose(made[:, 13:], shipped[:, 13:], atol=1e-5)

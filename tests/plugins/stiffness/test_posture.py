@@ -23,7 +23,6 @@ from workbench.robot import (
     Cell,
     CollisionModel,
     Shape,
-    Side,
     arm_sides,
     forward_kinematics,
     inverse_kinematics,
@@ -123,14 +122,7 @@ def by_loops(cell: Cell, path: Toolpath, acts: MillingForce) -> Float:
 
 
 @pytest.mark.parametrize("where", ["cell", "cluttered", *seldom("dressed")])
-def test_choice_and_map_are_those_of_plain_loops(
-    where: str,
-    path: Toolpath,
-    acts: MillingForce,
-    stiffness: JointStiffness,
-    by_loops: Float,
-    request: pytest.FixtureRequest,
-) -> None:
+def test_choice_and_map_are_those_of_plain_loops(where, path, acts, stiffness, by_loops, request):
     here = sure(request.getfixturevalue(where))
     made, _, document, _ = posture(here, stiffness, path, acts, **COARSE)
     every = by_loops if where == "cell" else best_by_loops(here, path, acts, 30.0)
@@ -158,9 +150,7 @@ def test_choice_and_map_are_those_of_plain_loops(
 
 
 @pytest.mark.parametrize("wanted", [["front"], ["front", "elbow_up", "flipped"]])
-def test_a_configuration_is_kept(
-    wanted: list[Side], cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness
-) -> None:
+def test_a_configuration_is_kept(wanted, cell, path, acts, stiffness):
     """By the cell's key and by the parameter; the arm stands as its words say, and gives way more for it."""
     free, *_ = posture(cell, stiffness, path, acts, **FEW)
     made, *_ = posture(dataclasses.replace(cell, configuration=tuple(wanted)), stiffness, path, acts, **FEW)
@@ -174,9 +164,7 @@ def test_a_configuration_is_kept(
     assert mean > 1.01 * least
 
 
-def test_without_stiffness_the_arm_keeps_away_from_limits_and_singular_postures(
-    cell: Cell, path: Toolpath, acts: MillingForce, by_loops: Float
-) -> None:
+def test_without_stiffness_the_arm_keeps_away_from_limits_and_singular_postures(cell, path, acts, by_loops):
     """The chosen cell is the least awkward of those that loops over the robot's inverse and fcl find free."""
     here = sure(cell)
     gate = PathGate(passed=True, reason="checked", toolpath=path, tolerance_mm=0.3)
@@ -223,9 +211,7 @@ def rotation_from_quaternion_wxyz(q: Float) -> Float:
     return rotation_from_vector(q[1:] / np.linalg.norm(q[1:]) * angle)
 
 
-def test_no_point_by_itself_gives_way_less_than_the_bound_says(
-    cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness
-) -> None:
+def test_no_point_by_itself_gives_way_less_than_the_bound_says(cell, path, acts, stiffness):
     """The bound is below every choice, and that of fewer angles is not below that of more."""
     told = []
     for span in ((60, 110), (95, 105)):
@@ -248,9 +234,7 @@ def test_without_a_turntable(cell: Cell, path: Toolpath, acts: MillingForce, sti
     assert "<img" in chapter.html
 
 
-def test_postures_release_a_path_by_its_own_decision_alone(
-    cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness
-) -> None:
+def test_postures_release_a_path_by_its_own_decision_alone(cell, path, acts, stiffness):
     """A refused path stays refused, and another path's gate does not count."""
     sound = PathGate(True, "", toolpath=path, tolerance_mm=0.05)
     refused = dataclasses.replace(sound, passed=False, reason="too steep")
@@ -266,9 +250,7 @@ def test_postures_release_a_path_by_its_own_decision_alone(
     [((1, 1, 1), (9000.0, 0, 0), "unreachable 100 %"), ((1, 1, 0), (450.0, 250.0, 440.0), "'turntable'")],
     ids=["out of reach", "in the turntable"],
 )
-def test_a_path_where_no_cutter_comes_is_refused(
-    cell: Cell, path: Toolpath, stiffness: JointStiffness, by: Any, to_mm: Any, words: str
-) -> None:
+def test_a_path_where_no_cutter_comes_is_refused(cell, path, stiffness, by, to_mm, words):
     layer = dataclasses.replace(path.layers[0], position_mm=path.layers[0].position_mm * by + to_mm)
     there = dataclasses.replace(path, layers=(layer,))
     with pytest.raises(InputError, match=words):
@@ -279,7 +261,6 @@ def test_a_clamp_between_sparse_points_is_found_by_the_search(cell: Cell, stiffn
     """Points 60 mm apart, a clamp round the cutter half way: in the way of every posture."""
     path = thinned(read(toolpath=PATH), 60)
     points = path_points(path, force(path)[0], load="mean", reach_mm=6.5, planned=0.0)
-    assert cell.turntable is not None
     pose = np.eye(4)
     pose[:3, 3] = (points.base_from_point @ points.point_from_tip)[:2, :3, 3].mean(axis=0)
     clamp = Shape("clamp", ON_TURNTABLE, "box", (20.0, 20.0, 20.0), inverse(cell.turntable.base_from_turntable) @ pose)
@@ -288,9 +269,7 @@ def test_a_clamp_between_sparse_points_is_found_by_the_search(cell: Cell, stiffn
         posture(here, stiffness, path, force(path)[0], step_deg=5.0)
 
 
-def test_force_of_another_path_is_refused(
-    cell: Cell, acts: MillingForce, path: Toolpath, stiffness: JointStiffness
-) -> None:
+def test_force_of_another_path_is_refused(cell, acts, path, stiffness):
     other = thinned(read(toolpath=PATH), 10)
     with pytest.raises(InputError, match="that of this path"):
         posture(cell, stiffness, other, acts, **COARSE)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from workbench.api import inverse, pose_from, rotation_from_quaternion
-from workbench.artefacts import PathGate, Postures, ProgramMoves, Toolpath
+from workbench.artefacts import PathGate, Toolpath
 from workbench.errors import InputError
 from workbench.path import read, simplify
 from workbench.plugins.stiffness import compensate, force, posture, predict
@@ -18,7 +18,6 @@ from workbench.plugins.stiffness.elastic import balance, way
 from workbench.plugins.stiffness.path_points import PathPoints
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
 from workbench.program import write
-from workbench.program.rapid import Module
 from workbench.robot import Cell, Shape, forward_kinematics, turntable_pose
 from workbench.robot.cell import ON_BASE
 from workbench.robot.cell_file import ProbePart
@@ -46,9 +45,7 @@ def acts(path: Toolpath) -> MillingForce:
 
 
 @pytest.fixture(scope="module", params=[0.0, 3.0], ids=["standing", "turning"])
-def made(
-    request: pytest.FixtureRequest, cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness
-) -> Postures:
+def made(request, cell, path, acts, stiffness):
     """With a turntable that stands, and with one that goes along as a track would: by so many deg in all."""
 
     def ways(_: Cell, points: PathPoints, *__: object) -> Iterator[PathPoints]:
@@ -60,64 +57,7 @@ def made(
         return posture(cell, stiffness, path, acts, whole_map=False, **angles)[0]
 
 
-@pytest.fixture(scope="module")
-def program(made: Postures, path: Toolpath, cell: Cell) -> ProgramMoves:
-    document, record, gate, judgement, _ = write(
-        simplify(path, made), free(path), dataclasses.replace(cell, process=None)
-    )
-    assert (record.name, gate.passed, judgement.violations) == ("program_check.json", True, ())
-    return Module().program({document.name: document.content.decode()})
-
-
-def test_program_begins_in_the_first_posture(program: ProgramMoves, made: Postures, cell: Cell) -> None:
-    """Its joint angles put its tool where its first target is, and the turntable is told."""
-    first, second = program.moves[:2]
-    assert first.kind == "J"
-    assert first.joints is not None
-    assert second.pose is not None
-    assert np.allclose(first.joints, made.joints[0], atol=1e-6)
-    at = forward_kinematics(cell.chain, first.joints) @ program.tools[first.tool].flange_from_tool
-    assert np.allclose(at, second.pose, atol=5e-3)
-    assert first.turntable is not None
-    assert np.isclose(np.degrees(first.turntable), np.degrees(made.turntable[0]), atol=1e-4)
-
-
-def test_targets_put_the_cutter_where_the_path_wants_it(
-    program: ProgramMoves, made: Postures, path: Toolpath, cell: Cell
-) -> None:
-    """Turned back with the turntable, every target's cutter axis is that of a point of the path."""
-    points = np.vstack(
-        [
-            np.hstack([part.position_mm - 5 * turn[:, :, 0], turn[:, :, 2]])
-            for part in (*path.layers, *path.travels)
-            for turn in [rotation_from_quaternion(part.quaternion_wxyz)]
-        ]
-    )
-    tool = program.tools[program.moves[0].tool].flange_from_tool
-    assert tool is not None
-    tip = inverse(tool) @ cell.flange_from_cutter
-    kept = 0
-    for move in program.moves[1:]:
-        assert move.turntable is not None
-        back = turntable_pose(cell, 0.0) @ inverse(turntable_pose(cell, move.turntable))
-        at = back @ move.pose @ tip
-        middle = at[:3, 3] - path.cutter.flute_length_mm / 2 * at[:3, 2]
-        away = np.abs(points - np.append(middle, at[:3, 2])) / [1, 1, 1, 1e-3, 1e-3, 1e-3]
-        kept += bool(away.max(axis=1).min() < 5e-3)
-    targets = len(program.moves) - 1
-    assert kept > 0.6 * targets  # the rest lies between the path's points of a travel
-    if np.ptp(made.turntable) > 0:
-        assert all(move.kind == "L" for move in program.moves[1:] if _turns(program, move))
-
-
-def _turns(program: ProgramMoves, move: object) -> bool:
-    i = program.moves.index(move)  # type: ignore[arg-type]
-    return program.moves[i - 1].turntable != program.moves[i].turntable
-
-
-def test_postures_of_another_path_are_refused(
-    made: Postures, path: Toolpath, cell: Cell, acts: MillingForce, stiffness: JointStiffness
-) -> None:
+def test_postures_of_another_path_are_refused(made, path, cell, acts, stiffness):
     other = dataclasses.replace(path)
     with pytest.raises(InputError, match="another path"):
         simplify(other, made)
@@ -125,9 +65,7 @@ def test_postures_of_another_path_are_refused(
         predict(cell, stiffness, other, acts, made)
 
 
-def test_prediction_is_the_balance_of_springs(
-    made: Postures, path: Toolpath, cell: Cell, acts: MillingForce, stiffness: JointStiffness
-) -> None:
+def test_prediction_is_the_balance_of_springs(made, path, cell, acts, stiffness):
     """Springs and load in balance, solved by Newton, at some points; the linear prediction errs by their curvature."""
     found = predict(cell, stiffness, path, acts, made)[0]
     layer, forces = path.layers[-1], acts.layers[-1]
@@ -143,9 +81,7 @@ def test_prediction_is_the_balance_of_springs(
         assert np.allclose(found.by_layer_mm[layer.index][i], point[:3, :3].T @ moved, rtol=0, atol=2e-4)
 
 
-def test_compensated_path_gives_way_to_the_planned_one(
-    made: Postures, path: Toolpath, cell: Cell, acts: MillingForce, stiffness: JointStiffness
-) -> None:
+def test_compensated_path_gives_way_to_the_planned_one(made, path, cell, acts, stiffness):
     found, document = predict(cell, stiffness, path, acts, made)
     moved = compensate(path, found)
     for layer, other in zip(path.layers, moved.layers, strict=True):
@@ -160,9 +96,7 @@ def test_compensated_path_gives_way_to_the_planned_one(
     assert len(rows) == 1 + sum(len(layer.cutting) for layer in path.layers)
 
 
-def test_twin_reads_the_predictions_file(
-    made: Postures, path: Toolpath, cell: Cell, acts: MillingForce, stiffness: JointStiffness, tmp_path: object
-) -> None:
+def test_twin_reads_the_predictions_file(made, path, cell, acts, stiffness, tmp_path):
     from pathlib import Path
 
     found, document = predict(cell, stiffness, path, acts, made)
@@ -177,9 +111,7 @@ def test_a_posture_from_which_no_way_leads_home_is_not_proposed(cell: Cell, stif
     path = thinned(read(toolpath=PATH), 3)
     acts, coarse = force(path)[0], {"whole_map": False, "step_deg": 30.0}
     best = posture(cell, stiffness, path, acts, **coarse)[0]
-    assert cell.process is not None
     home, off = np.radians(cell.process.home.joints_deg), drawn_back(cell, best.joints[0], cell.process.approach_mm)
-    assert off is not None
     pose = np.eye(4)
     pose[:3, 3] = (forward_kinematics(cell.chain, (home + off) / 2) @ cell.flange_from_cutter)[:3, 3]
     post = Shape("post", ON_BASE, "box", (60.0, 60.0, 60.0), pose)
@@ -197,12 +129,10 @@ def test_a_posture_from_which_nobody_could_look_is_not_proposed(cell: Cell, stif
     cuts = len(layer.cutting) // 2
     late = dataclasses.replace(layer, cutting=layer.cutting & (np.arange(len(layer.cutting)) >= cuts))
     path, coarse = dataclasses.replace(whole, layers=(late,)), {"whole_map": False, "step_deg": 30.0}
-    assert cell.process is not None
     process = cell.process.model_copy(update={"probe": ProbePart(distance_mm=700)})
     acts, probing = force(path)[0], dataclasses.replace(cell, process=process)
     best = posture(probing, stiffness, path, acts, **coarse)[0]
     off = drawn_back(cell, best.joints[cuts], 700)
-    assert off is not None
     pose = forward_kinematics(cell.chain, off) @ cell.flange_from_cutter
     pose[:3, 3] += 40 * pose[:3, 0]
     pose[:3, :3] = np.eye(3)
@@ -212,10 +142,7 @@ def test_a_posture_from_which_nobody_could_look_is_not_proposed(cell: Cell, stif
         assert write(simplify(path, postures), free(path), blocked, root_tolerance_mm=3)[-3].passed is passes
 
 
-def test_a_home_within_the_margin_of_a_limit_is_refused(
-    cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness
-) -> None:
-    assert cell.process is not None
+def test_a_home_within_the_margin_of_a_limit_is_refused(cell, path, acts, stiffness):
     home = cell.process.home.model_copy(update={"joints_deg": (0.0, -20.0, 69.0, 0.0, 30.0, 0.0)})
     near = dataclasses.replace(cell, process=cell.process.model_copy(update={"home": home}))
     expected = r"joints_deg\[2\]: expected joint 3 within its limits by their margin, .* to 68.00 deg, found 69"

@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError, PipelineError
-from workbench.plugins.stiffness import read
-from workbench.plugins.stiffness.read import read_loads, stiffness_document
-from workbench.plugins.stiffness.values import JointStiffness
+from workbench.plugins.stiffness import identify, read
 from workbench.robot import Cell
 
-from .conftest import K
+from .conftest import ROOT, K
 
+LOADS = ROOT / "data" / "synthetic" / "loads.csv"
 HEAD = "posture,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm"
 SIX = HEAD + ",dx_mm,dy_mm,dz_mm,rx_deg,ry_deg,rz_deg"
 ROW = "a,1,2,3,4,5,6,10,20,30,1,2,3"
@@ -32,15 +31,13 @@ def test_stiffness_is_the_cells_or_nobodys(cell: Cell) -> None:
     assert read(joint_stiffness_nm_per_rad=[1e6] * 6).nm_per_rad.tolist() == [1e6] * 6
 
 
-def test_a_file_comes_back(tmp_path: Path) -> None:
-    covariance = np.diag((0.02 * K) ** 2)
-    covariance[0, 1] = covariance[1, 0] = 0.3 * (0.02**2) * K[0] * K[1]
-    document = stiffness_document(JointStiffness(K, covariance, 12.5, 3, 40))
+def test_what_is_identified_is_read_back(cell: Cell, tmp_path: Path) -> None:
+    found, _, document = identify(cell, loads=LOADS)
     (tmp_path / "stiffness.json").write_bytes(document.content)
-    found = read(stiffness=tmp_path / "stiffness.json")
-    assert np.array_equal(found.nm_per_rad, K)
-    assert np.array_equal(found.covariance, covariance)
-    assert (found.condition_number, found.postures, found.loads) == (12.5, 3, 40)
+    again = read(stiffness=tmp_path / "stiffness.json")
+    assert np.array_equal(again.nm_per_rad, found.nm_per_rad)
+    assert np.array_equal(again.covariance, found.covariance)
+    assert (again.condition_number, again.postures, again.loads) == (found.condition_number, 3, 120)
 
 
 @pytest.mark.parametrize(
@@ -75,28 +72,13 @@ def write(path: Path, *lines: str) -> Path:
     return path / "loads.csv"
 
 
-def test_six_dimensions(tmp_path: Path) -> None:
-    tests = read_loads(write(tmp_path, "# comment", SIX, "", ROW + ",0.1,0.2,0.3,0.01,0.02,0.03", "  # another"))
-    assert tests.labels == ("a",)
-    assert tests.lines == (4,)
-    assert np.allclose(np.degrees(tests.joints), [[1, 2, 3, 4, 5, 6]])
-    assert np.allclose(tests.wrench, [[10, 20, 30, 1, 2, 3]])
-    assert np.allclose(tests.moved[0, :3], [0.1, 0.2, 0.3])
-    assert np.allclose(np.degrees(tests.moved[0, 3:]), [0.01, 0.02, 0.03])
-
-
-def test_points_with_missing_cells(tmp_path: Path) -> None:
-    tests = read_loads(write(tmp_path, POINTS, ROW + ",1,2,3,,,", ROW + ",1,nan,3,4,5,6", ROW + ",1,2,3,4,5,6"))
-    seen = np.isfinite(tests.vectors).all(axis=2)
-    assert seen.tolist() == [[True, False], [False, True], [True, True]]
-    assert np.isnan(tests.vectors[1, 0]).all()  # a point with an empty cell counts for nothing
-
-
-def test_columns_in_any_order_and_others_are_noted(tmp_path: Path) -> None:
-    names, cells = (SIX + ",temperature_c").split(","), (ROW + ",0.1,0.2,0.3,0.01,0.02,0.03,21").split(",")
-    turned = read_loads(write(tmp_path, ",".join(names[::-1]), ",".join(cells[::-1])))
-    assert np.allclose(turned.wrench, [[10, 20, 30, 1, 2, 3]])
-    assert "temperature_c" in turned.warnings[0]
+def test_columns_stand_in_any_order_and_others_are_noted(cell: Cell, tmp_path: Path) -> None:
+    lines = [line for line in LOADS.read_text().splitlines() if line[0] != "#"]
+    turned = ["# comment", "", *(",".join(line.split(",")[::-1]) for line in lines), "  # another"]
+    turned[2:-1] = [line + (",21" if k else ",temperature_c") for k, line in enumerate(turned[2:-1])]
+    found, plain = (identify(cell, loads=path)[0] for path in (write(tmp_path, *turned), LOADS))
+    assert np.allclose(found.nm_per_rad, plain.nm_per_rad, rtol=1e-9)
+    assert "temperature_c" in found.warnings[0]
 
 
 @pytest.mark.parametrize(
@@ -116,16 +98,16 @@ def test_columns_in_any_order_and_others_are_noted(tmp_path: Path) -> None:
         ([SIX.replace("rz_deg", "rz_rad"), ROW + ",0" * 6], "loads without displacement"),
     ],
 )
-def test_bad_files_are_refused(tmp_path: Path, lines: list[str], message: str) -> None:
+def test_bad_files_are_refused(cell: Cell, tmp_path: Path, lines: list[str], message: str) -> None:
     with pytest.raises(InputError) as caught:
-        read_loads(write(tmp_path, *lines))
+        identify(cell, loads=write(tmp_path, *lines))
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-def test_bytes_that_are_no_text(tmp_path: Path) -> None:
+def test_bytes_that_are_no_text(cell: Cell, tmp_path: Path) -> None:
     (tmp_path / "loads.csv").write_bytes(b"\xff\xfe\x00posture")
     with pytest.raises(InputError, match="UTF-8"):
-        read_loads(tmp_path / "loads.csv")
+        identify(cell, loads=tmp_path / "loads.csv")
     with pytest.raises(InputError, match="no such file"):
-        read_loads(tmp_path / "none.csv")
+        identify(cell, loads=tmp_path / "none.csv")

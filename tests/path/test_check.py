@@ -203,7 +203,6 @@ def test_a_clamp_that_the_plan_did_not_know_is_found(raw: Callable[..., Raw]) ->
 
 
 def filled(values: Float | None) -> Float:
-    assert values is not None
     at, good = np.arange(len(values)), np.isfinite(values[:, 0])
     return np.stack([np.interp(at, at[good], values[good, k]) for k in range(3)], axis=1)
 

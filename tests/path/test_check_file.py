@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -71,9 +70,7 @@ def test_a_refusal_counts_whatever_came_after_it(path: Toolpath, tmp_path: Path)
         lambda d: d["check"].__setitem__("sha256", None),
     ],
 )
-def test_a_path_that_was_changed_after_its_check_is_refused(
-    path: Toolpath, tmp_path: Path, edit: Callable[[Any], Any]
-) -> None:
+def test_a_path_that_was_changed_after_its_check_is_refused(path, tmp_path, edit):
     file = written(path, passed(path), tmp_path)
     document = json.loads(file.read_text())
     edit(document)

@@ -21,33 +21,29 @@ def deflection(path: Toolpath, away_mm: object = AWAY_MM) -> PathDeflection:
     return PathDeflection({layer.index: layer.cutting[:, None] * np.array(away_mm) for layer in path.layers})
 
 
-def test_a_corrected_path_passes_where_the_loaded_cutter_comes(raw: Callable[..., Raw]) -> None:
+@pytest.mark.parametrize(
+    ("depth_mm", "share", "told", "passes"),
+    [
+        (-0.12, 1.0, True, True),
+        (-0.12, 1.0, False, False),  # as commanded it cuts too deep
+        (-0.12, 0.5, True, False),
+        (-0.12, 2.0, True, False),
+        (-0.12, 0.0, True, False),
+        (-0.9, 1.0, True, True),
+        (-1.5, 1.0, True, False),  # unloaded the cutter is that much deeper: a wild prediction is no leave to cut there
+    ],
+)
+def test_a_corrected_path_passes_with_its_own_prediction_alone(raw, depth_mm, share, told, passes):
     scan = raw()
-    path = scan.plan
-    corrected = compensate(path, deflection(path))
-    turn = Rotation.from_quat(path.layers[0].quaternion_wxyz, scalar_first=True)
-    moved = turn.apply(path.layers[0].cutting[:, None] * AWAY_MM)
-    assert np.allclose(corrected.layers[0].position_mm + moved, path.layers[0].position_mm, atol=1e-9)
-    gate = check(corrected, scan.edge, scan.cloud, deflection(path))
-    assert gate.passed, gate.reason
+    path, loaded = scan.plan, deflection(scan.plan, [depth_mm, *AWAY_MM[1:]])
+    corrected = compensate(path, loaded, share=share)
+    gate = check(corrected, scan.edge, scan.cloud, loaded if told else None)
+    assert gate.passed == passes, gate.reason
     assert gate.toolpath is corrected
-
-
-def test_without_its_prediction_a_corrected_path_is_refused(raw: Callable[..., Raw]) -> None:
-    """As commanded it cuts too deep."""
-    scan = raw()
-    path = scan.plan
-    gate = check(compensate(path, deflection(path)), scan.edge, scan.cloud)
-    assert not gate.passed
-    assert "is not at its height" in gate.reason
-
-
-@pytest.mark.parametrize("wrong", [{"share": 0.5}, {"share": 2.0}, {"share": 0.0}])
-def test_too_little_or_too_much_correction_is_refused(raw: Callable[..., Raw], wrong: dict[str, float]) -> None:
-    scan = raw()
-    path = scan.plan
-    gate = check(compensate(path, deflection(path), **wrong), scan.edge, scan.cloud, deflection(path))
-    assert not gate.passed
+    assert told or "is not at its height" in gate.reason
+    turn = Rotation.from_quat(path.layers[0].quaternion_wxyz, scalar_first=True)
+    moved = share * turn.apply(loaded.by_layer_mm[path.layers[0].index])
+    assert np.allclose(corrected.layers[0].position_mm + moved, path.layers[0].position_mm, atol=1e-9)
 
 
 def test_a_prediction_of_another_path_is_refused(raw: Callable[..., Raw]) -> None:
@@ -56,16 +52,6 @@ def test_a_prediction_of_another_path_is_refused(raw: Callable[..., Raw]) -> Non
     for wrong in ({}, {1: np.zeros((3, 3))}, {k: v * np.nan for k, v in deflection(path).by_layer_mm.items()}):
         with pytest.raises(InputError, match="a deflection for each point of layer"):
             check(path, scan.edge, scan.cloud, PathDeflection(wrong))
-
-
-def test_a_great_deflection_is_refused_whatever_allows_for_it(raw: Callable[..., Raw]) -> None:
-    """Unloaded, the cutter of the corrected path is that much deeper: a wild prediction is no leave to cut there."""
-    scan = raw()
-    path = scan.plan
-    for depth, fine in ((-0.9, True), (-1.5, False)):
-        wild = deflection(path, [depth, 0, 0])
-        gate = check(compensate(path, wild), scan.edge, scan.cloud, wild)
-        assert gate.passed == fine, gate.reason
 
 
 def test_the_commanded_path_is_held_against_clamps_too(raw: Callable[..., Raw]) -> None:

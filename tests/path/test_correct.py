@@ -89,7 +89,6 @@ def test_the_first_cut_leaves_the_allowance_and_its_last_layer_takes_as_much(sca
     assert plan.layers[-2].height_mm == pytest.approx(ALLOWANCE)
     assert np.diff([layer.height_mm for layer in plan.layers[:-1]]) == pytest.approx(-1.0)
     finishing = plan.finishing
-    assert finishing is not None
     assert (finishing.root_mm, [layer.height_mm for layer in finishing.layers]) == (ROOT, [ALLOWANCE, 0.0])
     b = -tool_axes(plan, plan.layers[-1])[:, :, 0]
     apart = ((plan.layers[-1].position_mm - finishing.layers[-1].position_mm) * b).sum(axis=1)
@@ -106,7 +105,6 @@ def test_a_displaced_cut_moves_the_finishing_pass_against_it(scan: Raw, plan: To
     path, found = correct(inspected(scan, FIRST_ROOT + off_mm / SINE), plan, **QUIET)
     assert found.refused is None
     assert found.displacement_mm[found.cut] == pytest.approx(off_mm, abs=0.004)
-    assert plan.finishing is not None
     b = -tool_axes(plan, plan.finishing.layers[-1])[:, :, 0]
     moved = path.layers[-1].position_mm - plan.finishing.layers[-1].position_mm
     assert moved == pytest.approx(-off_mm * b, abs=0.004)
@@ -123,7 +121,6 @@ def test_a_tilted_cut_turns_the_finishing_pass_about_the_root_end(scan: Raw, pla
     path, found = correct(inspected(scan, FIRST_ROOT, BEVEL + 0.3), plan, **QUIET)
     assert found.turn[found.cut] / DEG == pytest.approx(0.3, abs=0.01)
     assert found.shift_mm == pytest.approx(0.0)
-    assert plan.finishing is not None
     foot, up, _ = faces(path)
     foot_before, up_before, _ = faces(plan.finishing)
     assert foot == pytest.approx(foot_before, abs=0.001)
@@ -159,7 +156,6 @@ def test_a_cut_too_deep_leaves_less_load_and_the_robot_gives_way_less(scan: Raw,
     final, gave = plan.layers[-1], giving_way(plan, 2.0)
     cut = inspected(scan, FIRST_ROOT - 0.2 / SINE)
     _, found = correct(cut, plan, gave, **QUIET)
-    assert plan.finishing is not None
     load = 0.3 / 0.5 * plan.finishing.layers[-1].width_mm[found.cut] / final.width_mm[found.cut]
     assert load == pytest.approx(0.6 * 1.14, abs=0.02)  # the face is wider
     full, planned, before = (layer.width_mm[found.cut] for layer in (plan.finishing.layers[-1], final, plan.layers[-2]))
@@ -182,13 +178,10 @@ def test_what_is_not_significant_is_not_corrected(scan: Raw, plan: Toolpath, off
     assert not found.shift_mm.any()
     assert not found.tilt.any()
     assert "not significant" in found.reason
-    assert plan.finishing is not None
     assert np.array_equal(path.layers[-1].position_mm, plan.finishing.layers[-1].position_mm)
 
 
-def test_what_the_robot_repeats_is_corrected_place_by_place_and_what_it_does_not_is_left(
-    scan: Raw, plan: Toolpath
-) -> None:
+def test_what_the_robot_repeats_is_corrected_place_by_place_and_what_it_does_not_is_left(scan, plan):
     s = scan.edge.arc_length_mm
     wave = 0.1 * np.sin(2 * np.pi * s / 60.0)
     cut = inspected(scan, FIRST_ROOT + wave / SINE)
@@ -210,10 +203,8 @@ def test_more_than_the_allowance_allows_is_refused(scan: Raw, plan: Toolpath, of
     s = scan.edge.arc_length_mm
     local = off_mm * np.exp(-(((s - 40.0) / 15.0) ** 2))  # at one end only
     path, found = correct(inspected(scan, FIRST_ROOT + local / SINE), plan, **QUIET)
-    assert found.refused is not None
     assert re.search(words, found.refused), found.refused
     assert not found.shift_mm.any()
-    assert plan.finishing is not None
     assert np.array_equal(path.layers[-1].position_mm, plan.finishing.layers[-1].position_mm)
     gate = check(path, scan.edge, scan.cloud, None, found)
     assert not gate.passed
@@ -307,7 +298,6 @@ def test_what_repeats_from_part_to_part_is_told_by_all_of_them(scan: Raw, plan: 
         for part in range(8):
             cut = inspected(scan, FIRST_ROOT + (0.3 + unrepeated(s, rng)) / SINE, u_mm=0.002)
             _, found = correct(cut, plan, wear_mm=0.0, earlier=earlier)
-            assert found.batch is not None
             assert found.batch.parts == part + 1
             assert not found.warnings
             earlier = kept(found, tmp_path)
@@ -341,7 +331,6 @@ def test_another_tool_begins_a_new_batch(scan: Raw, plan: Toolpath, tmp_path: Pa
         _, found = correct(cut, plan, earlier=earlier)
         earlier = kept(found, tmp_path)
         assert any("a new batch begins" in said for said in found.warnings) == (part == 7)
-    assert found.batch is not None
     assert found.batch.parts == 1
     assert found.shift_mm[found.cut].mean() == pytest.approx(0.1, abs=0.08)  # by itself alone
 

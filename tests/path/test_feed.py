@@ -72,9 +72,7 @@ def test_distances_are_those_to_all_points_that_still_stand(raw: Callable[..., R
 
 
 @pytest.mark.parametrize("acceleration", [5.0, 50.0])
-def test_feed_is_slow_in_the_material_and_respects_the_acceleration(
-    raw: Callable[..., Raw], acceleration: float
-) -> None:
+def test_feed_is_slow_in_the_material_and_respects_the_acceleration(raw, acceleration):
     scan = raw()
     path = feed(layers(scan.edge, scan.cloud), scan.cloud, scan.edge, acceleration_mm_s2=acceleration)
     moves: list[Layer | Travel] = [path.travels[0]]

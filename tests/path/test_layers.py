@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.path.conftest import Raw
+from tests.report.test_sensitivity import ROBOT, TABLE, TOOL
 from workbench.api import rotation_from_quaternion
 from workbench.artefacts import Layer, RawEdge, Toolpath, Travel
 from workbench.errors import InputError
@@ -85,21 +85,6 @@ def test_origins_are_midway_on_the_face_and_it_is_as_wide_as_the_plate_says(raw:
         np.testing.assert_allclose(layer.position_mm[cut], middle[cut], atol=0.01)
         np.testing.assert_allclose(layer.width_mm[cut], (8 - low) / math.cos(40 * DEG), atol=0.01)
         assert (layer.width_mm[~cut] == 0).all()
-
-
-def test_key_points_every_mm_of_the_lower_edge(raw: Callable[..., Raw]) -> None:
-    scan = curved(raw, "wavy")
-    path = layers(scan.edge, scan.cloud)
-    for layer in path.layers:
-        s = layer.arc_length_mm[(layer.arc_length_mm >= 0) & (layer.arc_length_mm <= path.edge_length_mm)]
-        assert s[0] == 0
-        assert s[-1] == path.edge_length_mm
-        np.testing.assert_allclose(np.diff(s)[:-1], 1.0)
-        cut = layer.position_mm[layer.cutting]
-        true = scan.truth.arc_length_mm_at(cut)  # of the sections that the points lie in
-        np.testing.assert_allclose(np.diff(true)[:-1], 1.0, atol=0.05)
-    assert path.layers[-1].cutting.sum() >= 0.99 * path.edge_length_mm
-    assert path.refused == ()
 
 
 def test_thin_stretches_are_not_cut_by_the_upper_layers(raw: Callable[..., Raw]) -> None:
@@ -295,52 +280,21 @@ def test_what_is_not_known_well_enough_is_not_cut(raw) -> None:
         layers(vague, scan.cloud)
 
 
-TOOL = {
-    "format": "tool-calibration",
-    "version": 1,
-    "frame": "flange",
-    "points": [{"name": "tip", "position_mm": [0, 0, 250], "u_mm": 0.03}],
-    "axis": {"direction": [0, 0, 1], "u_deg": 0.02},
-}
-TABLE = {
-    "format": "turntable-calibration",
-    "version": 1,
-    "frame": "base",
-    "base_from_turntable": np.eye(4).tolist(),
-    "axis_point_mm": [0, 0, 0],
-    "axis_direction": [0, 0, 1],
-    "u_mm": 0.04,
-    "direction_u_deg": 0.01,
-}
-ROBOT = {
-    "format": "robot-calibration",
-    "version": 1,
-    "frame": "base",
-    "parameters": [],
-    "covariance": [],
-    "left_as_built": [],
-    "u_mm": 0.12,
-}
-
-
 def test_tool_turntable_and_robot_count_in_what_the_place_is_known_to(raw, tmp_path) -> None:
     scan = raw()
     tool, table, robot = (tmp_path / name for name in ("tcp.json", "turntable.json", "robot.json"))
-    tool.write_text(json.dumps(TOOL))
-    table.write_text(json.dumps(TABLE))
-    robot.write_text(json.dumps(ROBOT))
+    tool.write_text(TOOL.model_dump_json())
+    table.write_text(TABLE.model_dump_json())
+    robot.write_text(ROBOT.model_copy(update={"u_mm": 0.12}).model_dump_json())
     assert layers(scan.edge, scan.cloud).chain is None
     path = layers(scan.edge, scan.cloud, tool=tool, turntable=table, robot_accuracy_mm=0.12)
-    assert path.chain is not None
     assert path.chain.place_mm == pytest.approx(0.13)
     assert path.chain.turn == pytest.approx(np.radians(np.hypot(0.02, 0.01)))
     assert path.chain.rests_on == ("tool", "turntable", "robot")
     path = layers(scan.edge, scan.cloud, tool=tool, turntable=table, robot_calibration=robot, robot_accuracy_mm=0.5)
-    assert path.chain is not None
     assert path.chain.place_mm == pytest.approx(0.13)  # the file's 0.12 mm, not what was typed
-    tool.write_text(
-        json.dumps(TOOL | {"points": [{"name": "tip", "position_mm": [0, 0, 250], "u_mm": 0.3}], "axis": None})
-    )
+    vague = TOOL.points[0].model_copy(update={"u_mm": 0.3})
+    tool.write_text(TOOL.model_copy(update={"points": [vague], "axis": None}).model_dump_json())
     with pytest.raises(InputError, match=r"known well enough on 0 % .* with tool known to 0.3 mm and 0.05 deg"):
         layers(scan.edge, scan.cloud, tool=tool)
     first = layers(scan.edge, scan.cloud, tool=tool, finish_allowance_mm=0.5)  # a measured cut will show it

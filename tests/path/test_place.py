@@ -55,9 +55,7 @@ def gate_of(plan: tuple[Toolpath, RawEdge, Cloud], **more: object) -> PathGate:
     return path.check(toolpath, raw, points, **more)
 
 
-def test_a_sound_scan_is_a_shape_until_something_shows_its_place(
-    sound: tuple[Toolpath, RawEdge, Cloud], touched: list[tuple[float, float, float]]
-) -> None:
+def test_a_sound_scan_is_a_shape_until_something_shows_its_place(sound, touched):
     alone = gate_of(sound)
     assert (alone.passed, alone.clean, alone.shape_only) == (True, False, True)
     assert any("turned by 1 deg about the flange's x, y, z it moves the path by" in said for said in alone.unchecked)
@@ -92,7 +90,6 @@ def test_two_passes_turned_about_the_edge_show_the_place(sound: tuple[Toolpath, 
 def test_what_1_deg_costs_is_the_lever_of_the_hand_eye(sound: tuple[Toolpath, RawEdge, Cloud]) -> None:
     """Against the path of the same recording with a hand-eye that is turned by 1 deg: to a fifth, as arms differ."""
     toolpath, _, points = sound
-    assert points.flange_from_profiler is not None
     said = next(text for text in gate_of(sound).unchecked if "1 deg about the flange" in text)
     told = [float(number) for number in said.split("path by ")[1].removesuffix(" mm").split(", ")]
     flange = points.base_from_profiler @ inverse(points.flange_from_profiler)
@@ -143,12 +140,7 @@ WRONG: dict[str, Spoil] = {
 
 
 @pytest.mark.parametrize("kind", WRONG)
-def test_a_recording_that_is_wrong_as_a_whole_never_passes(
-    recording: Recording,
-    sound: tuple[Toolpath, RawEdge, Cloud],
-    touched: list[tuple[float, float, float]],
-    kind: str,
-) -> None:
+def test_a_recording_that_is_wrong_as_a_whole_never_passes(recording, sound, touched, kind):
     """Not alone, and not with points that were touched where the part really is, but where it lies within 1 mm."""
     try:
         plan = planned(WRONG[kind](recording))

@@ -101,9 +101,7 @@ POINT = ("layers", 1, "points", 3)
         (put("travels", value=3), r"\$\.travels"),
     ],
 )
-def test_one_line_says_what_is_wrong(
-    tmp_path: Path, document: dict[str, Any], change: Callable[[dict[str, Any]], None], where: str
-) -> None:
+def test_one_line_says_what_is_wrong(tmp_path, document, change, where):
     change(document)
     with pytest.raises(InputError, match=where) as error:
         read(toolpath=written(tmp_path, document))

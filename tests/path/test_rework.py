@@ -68,7 +68,6 @@ def test_too_large_a_root_is_milled_where_it_fails_and_only_there(plan: Toolpath
     assert root[0] == pytest.approx(2.0 + guard, abs=0.1)  # the tolerance ends at 1.5 + 0.5; beyond it for certain
     assert guard < 0.2
     assert "1.3" in stretch.reason  # (3.55 - 1.5) sin 40 deg = 1.32 mm above
-    assert found.toolpath is not None
     assert [layer.height_mm for layer in found.toolpath.layers] == [1.0, 0.0]
     final = found.toolpath.layers[-1]
     cut = final.arc_length_mm[final.cutting]
@@ -91,7 +90,6 @@ def test_what_counts_is_what_was_inspected_for(plan: Toolpath) -> None:
     part = milled(root_mm=1.5, bevel_deg=40)
     strict = sections(part.edge, root_nominal_mm=1.0, root_tolerance_mm=(-0.2, 0.2))
     found = rework(part.edge, strict, plan, part.cloud)
-    assert found.toolpath is not None
     assert (found.toolpath.root_mm, found.toolpath.bevel_deg) == (1.0, pytest.approx(40))
 
 

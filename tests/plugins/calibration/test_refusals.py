@@ -8,21 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bench.metrology.sphere_truth import circles_of
-from tests.plugins.calibration.conftest import RADIUS, TRUE, cell, off_design, postures, recording
+from tests.plugins.calibration.conftest import TRUE, cell, off_design, postures, recording
 from workbench.api import InputError
-from workbench.plugins import calibration
-from workbench.plugins.calibration.model import Noise
-from workbench.plugins.calibration.observations import from_arrays
-from workbench.plugins.calibration.solve import solve
+from workbench.plugins.calibration import circles, hand_eye
 
 
-def test_a_subset_counts_its_own_rows(rng: Any) -> None:
-    made = cell(rng, *postures(rng, 6))
-    part = from_arrays(*circles_of(rng, made.centre, RADIUS), made.poses).subset(np.arange(6) % 2 == 1)
-    assert part.here.still.tolist() == [0, 1, 2]
-    assert (part.here.base_from_flange == made.poses[1::2]).all()
-    assert part.frames == ((1,), (3,), (5,))
+def calibrated(rng: Any, made: Any, design: Any = TRUE) -> Any:
+    rec = recording(rng, made, design)
+    return hand_eye(circles(rec), rec)[1]
 
 
 def same_orientation(rng: Any, turns: Any, centre: Any) -> Any:
@@ -79,9 +72,8 @@ def test_degenerate_sets(degenerate: Any, words: str, jitter: float) -> None:
     turns, centre = degenerate(rng, *postures(rng, 9))
     shaken = Rotation.from_matrix(turns) * Rotation.from_rotvec(jitter * rng.normal(0, np.radians(0.1), (9, 3)))
     made = cell(rng, shaken.as_matrix(), centre + jitter * rng.normal(0, 0.1, (9, 3)))
-    seen = from_arrays(*circles_of(rng, made.centre, RADIUS), made.poses)
-    with pytest.raises(InputError, match=words):
-        solve(seen, Noise(), off_design(rng))
+    with pytest.raises(InputError, match=rf"^sphere\.h5: /robot: .*{words}"):
+        calibrated(rng, made, off_design(rng))
 
 
 def test_four_postures_are_never_silently_wrong() -> None:
@@ -91,14 +83,12 @@ def test_four_postures_are_never_silently_wrong() -> None:
         rng = np.random.default_rng(seed)
         made = cell(rng, *postures(rng, 4))
         try:
-            answer = solve(
-                from_arrays(*circles_of(rng, made.centre, RADIUS), made.poses), Noise(), off_design(rng, 10.0, 20.0)
-            )
+            found = calibrated(rng, made, off_design(rng, 10.0, 20.0))
         except InputError as refusal:
             refused += "which side of the laser plane" in str(refusal) or "do not determine" in str(refusal)
             continue
-        error = answer.found.estimate.translation_mm - TRUE[:3, 3]
-        assert error @ np.linalg.solve(answer.found.covariance[:3, :3], error) < 30.0
+        error = found.hand_eye.flange_from_profiler[:3, 3] - TRUE[:3, 3]
+        assert error @ np.linalg.solve(found.covariance[:3, :3], error) < 30.0
     assert 0 < refused < 8
 
 
@@ -107,16 +97,5 @@ def test_centres_that_lie_in_one_plane_have_a_mirror_image() -> None:
     rng = np.random.default_rng(3)
     turns, centre = postures(rng, 9)
     centre[:, 1] = 2.5
-    made = cell(rng, turns, centre)
-    seen = from_arrays(*circles_of(rng, made.centre, RADIUS), made.poses)
     with pytest.raises(InputError, match=r"two hand-eye poses, .* on which side of the laser plane"):
-        solve(seen, Noise(), TRUE)
-
-
-def test_the_recording_is_named() -> None:
-    rng = np.random.default_rng(0)
-    made = cell(rng, *pure_repeats(rng, *postures(rng, 9)))
-    rec = recording(rng, made)
-    with pytest.raises(InputError, match=r"^sphere\.h5: /robot: expected at least 4 distinct postures"):
-        calibration.hand_eye(calibration.circles(rec), rec)
-    assert made.radius == RADIUS
+        calibrated(rng, cell(rng, turns, centre))

@@ -13,7 +13,6 @@ from scipy.stats import chi2
 
 from workbench.cli import main
 from workbench.synthetic import SphereRecipe
-from workbench.synthetic.recipe import SpherePass, SphereRobot
 
 ROOT = Path(__file__).parents[3]
 TABLE = ROOT / "docs" / "tables" / "sphere_recipe.csv"
@@ -35,8 +34,9 @@ def test_hand_eye_pose_is_the_true_one_within_its_uncertainty(tmp_path):
     assert (tmp_path / "calibration_plan.csv").read_text().count("\n") == 4
 
 
-@pytest.mark.parametrize("model", [SphereRecipe, SpherePass, SphereRobot])
-def test_every_key_of_a_recipe_is_documented(model):
+def test_every_key_of_a_recipe_is_documented():
     words = re.findall(r"\w+", TABLE.read_text(encoding="utf-8"))
-    missing = [name for name in model.model_fields if name not in words]
-    assert missing == []
+    schema = SphereRecipe.model_json_schema()
+    parts = [schema, *(part for name, part in schema["$defs"].items() if name in ("SpherePass", "SphereRobot"))]
+    assert len(parts) == 3
+    assert [name for part in parts for name in part["properties"] if name not in words] == []

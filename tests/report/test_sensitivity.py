@@ -87,9 +87,7 @@ def test_the_shipped_pipeline_names_the_link_to_improve(planned: tuple[Any, Path
     tool=st.floats(0.01, 1.0), robot=st.floats(0.01, 1.0), half=st.floats(0.05, 2.0), bevel_half=st.floats(0.02, 2.0)
 )
 @settings(max_examples=20)
-def test_squares_add_and_the_dearest_link_comes_first(
-    told: Any, tool: float, robot: float, half: float, bevel_half: float
-) -> None:
+def test_squares_add_and_the_dearest_link_comes_first(told, tool, robot, half, bevel_half):
     """A cut that was measured leaves of each link what is new; a link may have what all others leave of the width."""
     asked = {"root_tolerance_mm": (-half, 2.0 * half), "bevel_tolerance_deg": (-3.0 * bevel_half, bevel_half)}
     document = told(tool_mm=tool, robot_accuracy_mm=robot, **asked)

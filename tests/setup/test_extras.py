@@ -55,9 +55,7 @@ def test_a_bevel_is_inspected(tmp_path: Path) -> None:
         ("starlette", "page", ("open", "{folder}", "--no-browser")),
     ],
 )
-def test_a_missing_extra_is_told_in_one_line(
-    package: str, extra: str, arguments: tuple[str, ...], tmp_path: Path
-) -> None:
+def test_a_missing_extra_is_told_in_one_line(package, extra, arguments, tmp_path):
     out = tmp_path / "made"
     done = base(*(one.format(out=out, folder=tmp_path) for one in arguments))
     assert done.returncode == 2

@@ -9,9 +9,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from tests.export.test_laws import JOINTS, named
 from workbench.batch.fleet import (
-    characteristics,
     cover,
     fleet_files,
     page,
@@ -149,18 +147,3 @@ def test_what_cannot_be_measured_is_no_scrap() -> None:
     assert "3 of 5 parts" in words
     assert "(100.0 % of those measured)" in words
     assert "no statement on these parts" in words
-
-
-@pytest.mark.parametrize("what", JOINTS)
-def test_a_fleet_takes_every_joint(what: str) -> None:
-    inspection = JOINTS[what]("pass")
-    sections = tuple({"index": one.index, **one.values, "verdict": one.verdict} for one in inspection.sections)
-    needs = inspection.requirements_in_file
-    fleet = [Record(f"p{k}", "r.h5", "passed", verdict="pass", requirements=needs, sections=sections) for k in range(4)]
-    assert [one.name for one in characteristics(fleet)] == [one.term.lower() for one in inspection.characteristics]
-    files = fleet_files(fleet, "Fleet")
-    table = pq.read_table(io.BytesIO(files["fleet.parquet"])).to_pydict()
-    for one in inspection.characteristics:
-        assert table[one.name] == [pair and pair[0] for pair in one.pairs] * 4
-        assert table[named(one.name, "upper")] == [pytest.approx(one.limits[1])] * 12  # type: ignore[index]
-        assert one.term.lower() in files["fleet.html"].decode()

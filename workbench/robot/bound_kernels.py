@@ -16,8 +16,6 @@ from workbench.units import DEG, AnyArray, Shaped
 
 NONE, BOX, CYLINDER = 0, 1, 2  # what a volume is besides a capsule
 SECTION = 0.6180339887498949  # golden
-MOST_SWEPT = 0.6  # rad, of all joints together: beyond it the levers change too much for a bound to be of use
-DEPTHS = 34  # of halving a way of up to 2**31 places, and one more
 STEPS = 22  # of the search along a segment: 2.5e-5 of its length is left
 
 
@@ -52,13 +50,11 @@ class Standing(NamedTuple):
 
 
 @kernel(error_model="numpy")
-def _place(standing: Standing, motion: AnyArray, scene: BoundingVolumes, arm_only: bool) -> None:
-    """Every volume where its link carries it; `arm_only`: those of base and turntable stay where they are."""
+def _place(standing: Standing, motion: AnyArray, scene: BoundingVolumes) -> None:
+    """Every volume where its link carries it."""
     at, placed, middle = standing
     link, solid, ends, pose = scene.link, scene.solid, scene.ends_mm, scene.pose
     for s in range(len(link)):
-        if arm_only and not 1 <= link[s] <= 6:
-            continue
         _carry(at, middle, s, motion, link[s], ends)
         if solid[s] != NONE:
             _compose(placed, s, motion, link[s], pose, s)
@@ -78,234 +74,41 @@ def _room(scene: BoundingVolumes) -> tuple[AnyArray, AnyArray, Standing]:
 
 
 @kernel(error_model="numpy")
-def bound_kernel(scene: BoundingVolumes, joints: AnyArray, most: float) -> AnyArray:
-    """See `clearance_bound_mm`; `most` is enough to know."""
-    found = np.empty(len(joints))
-    motion, turn, standing = _room(scene)
-    # Taken out of the scene once: in the loop that would be counted for every posture.
-    axes, points = scene.axes, scene.points_mm
-    for n in range(len(joints)):
-        _move(motion, turn, axes, points, joints, scene.slides, n)
-        _place(standing, motion, scene, False)
-        found[n] = _smallest(standing, scene, 0, len(scene.pairs), most)
-    return found
-
-
-@kernel(error_model="numpy")
 def pairs_kernel(scene: BoundingVolumes, joints: AnyArray, most: AnyArray) -> tuple[AnyArray, AnyArray]:
-    """A lower bound of the distance of each pair (n, P), or `most` (P,), and the middles of the volumes (n, S, 3)."""
+    """A lower bound of each pair's distance (n, P), or `most` (n, P), and the middles of the volumes (n, S, 3)."""
     found, middles = np.zeros((len(joints), len(scene.pairs))), np.zeros((len(joints), len(scene.link), 3))
     motion, turn, standing = _room(scene)
     axes, points = scene.axes, scene.points_mm
     for n in range(len(joints)):
         _move(motion, turn, axes, points, joints, scene.slides, n)
-        _place(standing, motion, scene, False)
+        _place(standing, motion, scene)
         middles[n] = standing.middle
         for i in range(len(scene.pairs)):
-            found[n, i] = _smallest(standing, scene, i, i + 1, most[i])
+            found[n, i] = _distance(standing, scene, i, most[n, i])
     return found, middles
 
 
 @kernel(error_model="numpy")
-def swept_kernel(
-    scene: BoundingVolumes, joints: AnyArray, carried: AnyArray, moves: AnyArray, by: AnyArray, least: AnyArray
-) -> AnyArray:
-    """Which places (c, s) of ways (c, s, 6 + e) stay open (`CollisionScreen.swept`); what is not proven is halved.
-
-    Joints `moves` (w, 6) move volumes `carried` (w,); pair i comes nearer by motion `by[i]` of these. A pair that is
-    proven on a stretch is on its halves: these begin with the pair that was not, and ask about those behind it.
-    Pairs must keep `least` (P,) apart besides.
-    """
-    count, places = len(joints), joints.shape[1]
-    found = np.zeros((count, places), np.bool_)
-    motion, turn, standing = _room(scene)
-    axes, points = scene.axes, scene.points_mm
-    many_axes = joints.shape[2]
-    step, reach, lever = np.zeros((places, many_axes)), np.zeros(many_axes), np.zeros((6, 2, 3))
-    first, last, depth = np.zeros(64, np.int64), np.zeros(64, np.int64), np.zeros(64, np.int64)
-    asked, many = np.empty((DEPTHS, len(scene.pairs)), np.int64), np.zeros(DEPTHS, np.int64)
-    asked[0], many[0] = np.arange(len(scene.pairs)), len(scene.pairs)
-    need, beside = np.empty(len(carried)), np.zeros(len(scene.link))
-    for n in range(count):
-        _steps(joints, n, step)
-        stands, beside[:] = True, 0.0
-        for j in range(6, many_axes):
-            stands &= joints[n, :, j].max() == joints[n, :, j].min()
-        _move(motion, turn, axes, points, joints[n], scene.slides, 0)
-        _place(standing, motion, scene, False)
-        first[0], last[0], depth[0], waiting = 0, places - 1, 0, 1
-        while waiting > 0:
-            waiting -= 1
-            a, b, d = first[waiting], last[waiting], depth[waiting]
-            m = (a + b) // 2
-            total, proven = _reach(joints, n, a, b, m, step, reach), 0
-            total -= reach[6:][scene.slides].sum()  # which changes no lever
-            if total < MOST_SWEPT:
-                _move(motion, turn, axes, points, joints[n], scene.slides, m)
-                _place(standing, motion, scene, stands)
-                _axes_there(motion, axes, points, lever)
-                for w in range(len(carried)):
-                    moved = _moved(carried[w], moves, w, lever, reach, standing.middle, scene.around_mm)
-                    need[w] = moved / (1.0 - total)
-                if not stands:
-                    _beside(motion, scene, standing.middle, reach, 1.0 / (1.0 - total), beside)
-                proven = _proven(standing, scene, need, by, least, beside, asked[d], many[d])
-            left = many[d] - proven
-            if left > 0 and a == b:
-                found[n, a] = True
-            elif left > 0:
-                for k in range(left):
-                    asked[d + 1, k] = asked[d, proven + k]
-                many[d + 1] = left
-                first[waiting], last[waiting], depth[waiting] = a, m, d + 1
-                first[waiting + 1], last[waiting + 1], depth[waiting + 1] = m + 1, b, d + 1
-                waiting += 2
-    return found
-
-
-@kernel(error_model="numpy")
-def _proven(
-    standing: Standing,
-    scene: BoundingVolumes,
-    need: AnyArray,
-    by: AnyArray,
-    least: AnyArray,
-    beside: AnyArray,
-    asked: AnyArray,
-    many: int,
-) -> int:
-    """How many pairs of `asked[:many]` are farther apart than they need to be, before the first that may not be.
-
-    What stands on external axes moves by `beside` (S,) mm besides.
-    """
-    pairs, around, middle = scene.pairs, scene.around_mm, standing.middle
-    for k in range(many):
-        i = asked[k]
-        s, t = pairs[i, 0], pairs[i, 1]
-        apart = least[i] + need[by[i]] + beside[s] + beside[t]
-        far = apart + 1e-6
-        reach = far + around[s] + around[t]
-        x, y, z = middle[s, 0] - middle[t, 0], middle[s, 1] - middle[t, 1], middle[s, 2] - middle[t, 2]
-        if x * x + y * y + z * z < reach * reach and _smallest(standing, scene, i, i + 1, far) <= apart:
-            return k
-    return many
-
-
-@kernel(error_model="numpy")
-def _beside(
-    motion: AnyArray, scene: BoundingVolumes, middle: AnyArray, reach: AnyArray, slack: float, beside: AnyArray
-) -> None:
-    """What each volume (S,) on external axes moves by within their reaches, at most, mm, times `slack`."""
-    e = len(scene.slides)
-    for s in range(len(scene.link)):
-        beside[s] = 0.0
-        for k in range(e):
-            carrier = 6 + e - k
-            if scene.link[s] < 7 or scene.link[s] > carrier:
-                continue
-            if scene.slides[k]:
-                beside[s] += reach[6 + k] / DEG * slack
-                continue
-            x = middle[s, 0] - motion[carrier, 0, 3]
-            y = middle[s, 1] - motion[carrier, 1, 3]
-            z = middle[s, 2] - motion[carrier, 2, 3]
-            u, v, w = motion[carrier, 0, 2], motion[carrier, 1, 2], motion[carrier, 2, 2]
-            cx, cy, cz = v * z - w * y, w * x - u * z, u * y - v * x
-            beside[s] += reach[6 + k] * (np.sqrt(cx * cx + cy * cy + cz * cz) + scene.around_mm[s]) * slack
-
-
-@kernel(error_model="numpy")
-def _steps(joints: AnyArray, n: int, step: AnyArray) -> None:
-    """How far each joint goes (s, 6 + e) from each place halfway to its neighbours, with what it bulges out in between.
-
-    A parabola through three places lies off their chords by an eighth of the second difference; a quarter is taken.
-    """
-    places = joints.shape[1]
-    for k in range(places):
-        for j in range(joints.shape[2]):
-            most = 0.0
-            if k > 0:
-                most = abs(joints[n, k, j] - joints[n, k - 1, j])
-            if k + 1 < places:
-                most = max(most, abs(joints[n, k + 1, j] - joints[n, k, j]))
-            bulge = 0.0
-            for i in range(max(k - 1, 1), min(k + 2, places - 1)):
-                bulge = max(bulge, abs(joints[n, i - 1, j] - 2.0 * joints[n, i, j] + joints[n, i + 1, j]))
-            step[k, j] = most / 2 + bulge / 4
-
-
-@kernel(error_model="numpy")
-def _reach(joints: AnyArray, n: int, a: int, b: int, m: int, step: AnyArray, reach: AnyArray) -> float:
-    """How far each joint goes from place m between half a step before place a and half a step behind b; their sum."""
-    total = 0.0
-    for j in range(len(reach)):
-        far = 0.0
-        for k in range(a, b + 1):
-            far = max(far, abs(joints[n, k, j] - joints[n, m, j]) + step[k, j])
-        reach[j] = far
-        total += far
-    return total
-
-
-@kernel(error_model="numpy")
-def _axes_there(motion: AnyArray, axes: AnyArray, points: AnyArray, lever: AnyArray) -> None:
-    """Direction and a point (6, 2, 3) of each joint's axis where the links before it carried it."""
-    for j in range(6):
-        for r in range(3):
-            lever[j, 0, r], lever[j, 1, r] = 0.0, motion[j, r, 3]
-            for c in range(3):
-                lever[j, 0, r] += motion[j, r, c] * axes[j, c]
-                lever[j, 1, r] += motion[j, r, c] * points[j, c]
-
-
-@kernel(error_model="numpy")
-def _moved(
-    s: int, moves: AnyArray, i: int, lever: AnyArray, reach: AnyArray, middle: AnyArray, around: AnyArray
-) -> float:
-    """What the joints between the bodies of pair i move volume s by, at most, with the levers as they are."""
-    way = 0.0
-    for j in range(6):
-        if moves[i, j]:
-            x, y, z = middle[s, 0] - lever[j, 1, 0], middle[s, 1] - lever[j, 1, 1], middle[s, 2] - lever[j, 1, 2]
-            u, v, w = lever[j, 0, 0], lever[j, 0, 1], lever[j, 0, 2]
-            cx, cy, cz = v * z - w * y, w * x - u * z, u * y - v * x
-            way += reach[j] * (np.sqrt(cx * cx + cy * cy + cz * cz) + around[s])
-    return way
-
-
-@kernel(error_model="numpy")
-def _smallest(
-    standing: Standing,
-    scene: BoundingVolumes,
-    first: int,
-    last: int,
-    best: float,
-) -> float:
-    """The smallest distance of pairs [first, last) below `best`, or one of 0 or less; what is farther is left out."""
+def _distance(standing: Standing, scene: BoundingVolumes, i: int, most: float) -> float:
+    """A lower bound of the distance of pair i, or `most` where that is less."""
     at, placed, middle = standing
-    radius, half, around, solid, pairs = scene.radius_mm, scene.half_mm, scene.around_mm, scene.solid, scene.pairs
-    for i in range(first, last):
-        a, b = pairs[i, 0], pairs[i, 1]
-        reach = best + around[a] + around[b]
-        x, y, z = middle[a, 0] - middle[b, 0], middle[a, 1] - middle[b, 1], middle[a, 2] - middle[b, 2]
-        if x * x + y * y + z * z >= reach * reach:
-            continue
-        fits = solid[b] == NONE or solid[a] == BOX or radius[a] > radius[b]  # as the capsule around it, of two solids
-        larger = solid[a] == BOX and around[a] > around[b]  # of two boxes the smaller is the capsule around it
-        if larger if solid[b] == BOX else solid[a] != NONE and fits:
-            a, b = b, a
-        if solid[b] != BOX:
-            apart = _between(at, a, b) - radius[a] - radius[b]
-            if solid[b] == NONE or apart >= best:
-                best = min(best, apart)
-                if best <= 0.0:
-                    break
-                continue
-        if _beyond_a_face(at, a, placed, half, b) - radius[a] < best:
-            best = min(best, _to_solid(at, a, placed, half, b, solid[b] == CYLINDER) - radius[a])
-        if best <= 0.0:
-            break
-    return best
+    radius, half, around, solid = scene.radius_mm, scene.half_mm, scene.around_mm, scene.solid
+    a, b = scene.pairs[i, 0], scene.pairs[i, 1]
+    reach = most + around[a] + around[b]
+    x, y, z = middle[a, 0] - middle[b, 0], middle[a, 1] - middle[b, 1], middle[a, 2] - middle[b, 2]
+    if x * x + y * y + z * z >= reach * reach:
+        return most
+    fits = solid[b] == NONE or solid[a] == BOX or radius[a] > radius[b]  # as the capsule around it, of two solids
+    larger = solid[a] == BOX and around[a] > around[b]  # of two boxes the smaller is the capsule around it
+    if larger if solid[b] == BOX else solid[a] != NONE and fits:
+        a, b = b, a
+    if solid[b] != BOX:
+        apart = _between(at, a, b) - radius[a] - radius[b]
+        if solid[b] == NONE or apart >= most:
+            return min(most, apart)
+    if _beyond_a_face(at, a, placed, half, b) - radius[a] >= most:
+        return most
+    return min(most, _to_solid(at, a, placed, half, b, solid[b] == CYLINDER) - radius[a])
 
 
 @kernel(error_model="numpy")

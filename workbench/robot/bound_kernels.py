@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.kernels import kernel
-from workbench.robot.kinematics import turn_about_axis
-from workbench.units import DEG, AnyArray, Shaped
+from workbench.units import AnyArray, Shaped
 
 NONE, BOX, CYLINDER = 0, 1, 2  # what a volume is besides a capsule
 SECTION = 0.6180339887498949  # golden
@@ -20,17 +19,12 @@ STEPS = 22  # of the search along a segment: 2.5e-5 of its length is left
 
 
 class BoundingVolumes(NamedTuple):
-    """A robot's axes at zero, e external axes from the base outwards, and S shapes in volumes; pairs to look at.
+    """S shapes in volumes, and pairs of them to look at.
 
     Volumes are capsules, and solids within some of them, where they are at zero: in the base, or the frame of the
-    external axis that carries them. Joint angles are those of the robot and the values of the external axes behind
-    them.
+    external axis that carries them.
     """
 
-    axes: Shaped[AnyArray, "6 3"]  # unit
-    points_mm: Shaped[AnyArray, "6 3"]  # on them
-    frames: Shaped[AnyArray, "e 4 4"]  # of each external axis at 0, in what carries it
-    slides: Shaped[AnyArray, " e"]  # whether it is a track's floor
     link: Shaped[AnyArray, " S"]  # as in `Shape`, the fixed ones 0
     solid: Shaped[AnyArray, " S"]  # a box, a cylinder, or none: a capsule alone
     ends_mm: Shaped[AnyArray, "S 2 3"]  # of capsules
@@ -42,120 +36,65 @@ class BoundingVolumes(NamedTuple):
 
 
 class Standing(NamedTuple):
-    """The S volumes where their links carry them."""
+    """The S volumes where their links carry them, at n postures."""
 
-    at: Shaped[AnyArray, "S 2 3"]  # ends of capsules
-    placed: Shaped[AnyArray, "S 3 4"]  # poses of solids
-    middle: Shaped[AnyArray, "S 3"]  # of both
+    at: Shaped[AnyArray, "n S 2 3"]  # ends of capsules
+    placed: Shaped[AnyArray, "n S 3 4"]  # poses of solids
+    middle: Shaped[AnyArray, "n S 3"]  # of both
 
 
 @kernel(error_model="numpy")
-def _place(standing: Standing, motion: AnyArray, scene: BoundingVolumes) -> None:
-    """Every volume where its link carries it."""
-    at, placed, middle = standing
-    link, solid, ends, pose = scene.link, scene.solid, scene.ends_mm, scene.pose
-    for s in range(len(link)):
-        _carry(at, middle, s, motion, link[s], ends)
-        if solid[s] != NONE:
-            _compose(placed, s, motion, link[s], pose, s)
-        if solid[s] == BOX:
+def placed_kernel(scene: BoundingVolumes, links: AnyArray) -> Standing:
+    """The volumes where motions (n, 8 or more, 4, 4) by `Shape.link` carry them."""
+    shape = len(links), len(scene.link)
+    at, placed, middle = np.empty((*shape, 2, 3)), np.empty((*shape, 3, 4)), np.empty((*shape, 3))
+    for n in range(len(links)):
+        for s in range(len(scene.link)):
+            motion = links[n, scene.link[s]]
             for r in range(3):
-                middle[s, r] = placed[s, r, 3]
+                a, b, c, d = motion[r]
+                for k in range(2):
+                    x, y, z = scene.ends_mm[s, k]
+                    at[n, s, k, r] = a * x + b * y + c * z + d
+                for k in range(4):
+                    x, y, z, w = scene.pose[s, :, k]
+                    placed[n, s, r, k] = a * x + b * y + c * z + d * w
+                boxed = scene.solid[s] == BOX
+                middle[n, s, r] = placed[n, s, r, 3] if boxed else (at[n, s, 0, r] + at[n, s, 1, r]) / 2
+    return Standing(at, placed, middle)
 
 
 @kernel(error_model="numpy")
-def _room(scene: BoundingVolumes) -> tuple[AnyArray, AnyArray, Standing]:
-    """Room for motions of links, for turns of joints and external axes, and for what `_place` places."""
-    count, e = len(scene.link), len(scene.slides)
-    motion, turn = np.zeros((7 + e, 3, 4)), np.zeros((7 + 2 * e, 3, 4))
-    for k in range(e):
-        turn[6 + e + k] = scene.frames[k, :3]
-    return motion, turn, Standing(np.empty((count, 2, 3)), np.empty((count, 3, 4)), np.empty((count, 3)))
+def pairs_kernel(scene: BoundingVolumes, standing: Standing, most: AnyArray) -> AnyArray:
+    """A lower bound of each pair's distance (n, P), or `most` (n, P) where that is less."""
+    found, pairs, around, middles = most.copy(), scene.pairs, scene.around_mm, standing.middle
+    for n in range(len(most)):
+        at, placed, middle = standing.at[n], standing.placed[n], middles[n]
+        for i in range(len(pairs)):
+            a, b = pairs[i, 0], pairs[i, 1]
+            reach = most[n, i] + around[a] + around[b]
+            x, y, z = middle[a, 0] - middle[b, 0], middle[a, 1] - middle[b, 1], middle[a, 2] - middle[b, 2]
+            if x * x + y * y + z * z < reach * reach:
+                found[n, i] = _distance(at, placed, scene, a, b, most[n, i])
+    return found
 
 
 @kernel(error_model="numpy")
-def pairs_kernel(scene: BoundingVolumes, joints: AnyArray, most: AnyArray) -> tuple[AnyArray, AnyArray]:
-    """A lower bound of each pair's distance (n, P), or `most` (n, P), and the middles of the volumes (n, S, 3)."""
-    found, middles = np.zeros((len(joints), len(scene.pairs))), np.zeros((len(joints), len(scene.link), 3))
-    motion, turn, standing = _room(scene)
-    axes, points = scene.axes, scene.points_mm
-    for n in range(len(joints)):
-        _move(motion, turn, axes, points, joints, scene.slides, n)
-        _place(standing, motion, scene)
-        middles[n] = standing.middle
-        for i in range(len(scene.pairs)):
-            found[n, i] = _distance(standing, scene, i, most[n, i])
-    return found, middles
-
-
-@kernel(error_model="numpy")
-def _distance(standing: Standing, scene: BoundingVolumes, i: int, most: float) -> float:
-    """A lower bound of the distance of pair i, or `most` where that is less."""
-    at, placed, middle = standing
+def _distance(at: AnyArray, placed: AnyArray, scene: BoundingVolumes, a: int, b: int, most: float) -> float:
+    """A lower bound of the distance of volumes a and b, or `most` where that is less."""
     radius, half, around, solid = scene.radius_mm, scene.half_mm, scene.around_mm, scene.solid
-    a, b = scene.pairs[i, 0], scene.pairs[i, 1]
-    reach = most + around[a] + around[b]
-    x, y, z = middle[a, 0] - middle[b, 0], middle[a, 1] - middle[b, 1], middle[a, 2] - middle[b, 2]
-    if x * x + y * y + z * z >= reach * reach:
-        return most
     fits = solid[b] == NONE or solid[a] == BOX or radius[a] > radius[b]  # as the capsule around it, of two solids
     larger = solid[a] == BOX and around[a] > around[b]  # of two boxes the smaller is the capsule around it
     if larger if solid[b] == BOX else solid[a] != NONE and fits:
         a, b = b, a
     if solid[b] != BOX:
-        apart = _between(at, a, b) - radius[a] - radius[b]
+        apart: float = _between(at, a, b) - radius[a] - radius[b]
         if solid[b] == NONE or apart >= most:
             return min(most, apart)
     if _beyond_a_face(at, a, placed, half, b) - radius[a] >= most:
         return most
-    return min(most, _to_solid(at, a, placed, half, b, solid[b] == CYLINDER) - radius[a])
-
-
-@kernel(error_model="numpy")
-def _move(
-    motion: AnyArray,
-    turn: AnyArray,
-    axes: AnyArray,
-    points: AnyArray,
-    joints: AnyArray,
-    slides: AnyArray,
-    n: int,
-) -> None:
-    """Motions of base, six links and what external axes carry: one turn after the other about the axes at zero."""
-    for r in range(3):
-        motion[0, r, r] = 1.0
-    e = len(slides)
-    for i in range(6 + e):
-        if i < 6:
-            turn_about_axis(turn, i, axes, points, i, joints[n, i])
-            _compose(motion, i + 1, motion, i, turn, i)
-            continue
-        angle = 0.0 if slides[i - 6] else joints[n, i]
-        c, s = np.cos(angle), np.sin(angle)
-        turn[i, 0, 0], turn[i, 0, 1], turn[i, 1, 0], turn[i, 1, 1], turn[i, 2, 2] = c, -s, s, c, 1.0
-        turn[i, 2, 3] = joints[n, i] / DEG if slides[i - 6] else 0.0
-        carrier = 6 + e - (i - 6)
-        _compose(turn, 6 + 2 * e, motion, 0 if i == 6 else carrier + 1, turn, e + i)
-        _compose(motion, carrier, turn, 6 + 2 * e, turn, i)
-
-
-@kernel(error_model="numpy")
-def _compose(out: AnyArray, o: int, a: AnyArray, i: int, b: AnyArray, j: int) -> None:
-    """out[o] = a[i] b[j], of rigid motions in their first three rows."""
-    for r in range(3):
-        for c in range(4):
-            out[o, r, c] = a[i, r, 0] * b[j, 0, c] + a[i, r, 1] * b[j, 1, c] + a[i, r, 2] * b[j, 2, c]
-        out[o, r, 3] += a[i, r, 3]
-
-
-@kernel(error_model="numpy")
-def _carry(at: AnyArray, middle: AnyArray, s: int, motion: AnyArray, link: int, ends: AnyArray) -> None:
-    """Ends and middle of a capsule where its link took it."""
-    for r in range(3):
-        m0, m1, m2, m3 = motion[link, r, 0], motion[link, r, 1], motion[link, r, 2], motion[link, r, 3]
-        at[s, 0, r] = m0 * ends[s, 0, 0] + m1 * ends[s, 0, 1] + m2 * ends[s, 0, 2] + m3
-        at[s, 1, r] = m0 * ends[s, 1, 0] + m1 * ends[s, 1, 1] + m2 * ends[s, 1, 2] + m3
-        middle[s, r] = (at[s, 0, r] + at[s, 1, r]) / 2
+    near: float = _to_solid(at, a, placed, half, b, solid[b] == CYLINDER) - radius[a]
+    return min(most, near)
 
 
 @kernel(error_model="numpy")

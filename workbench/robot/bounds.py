@@ -11,12 +11,10 @@ than the point moves, hence the division (Schwarzer, Saha, Latombe, IEEE Trans. 
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 
-from workbench.geometry.poses import inverse
-from workbench.robot.bound_kernels import BOX, CYLINDER, NONE, BoundingVolumes, pairs_kernel
+from workbench.geometry.blocks import in_order
+from workbench.robot.bound_kernels import BOX, CYLINDER, NONE, BoundingVolumes, Standing, pairs_kernel, placed_kernel
 from workbench.robot.cell import ON_TURNTABLE, Cell, Shape
 from workbench.robot.collision import LOOKS, CollisionModel, checked_pairs, standing_poses
 from workbench.robot.kinematics import joint_axes, motions
@@ -26,6 +24,7 @@ SAFE_MM = 1e-3  # a posture counts as free only beyond this, so that rounding de
 MOST_SWEPT = 0.6  # rad, of all joints together: beyond it the levers change too much for a bound to be of use
 FREE = -1
 FAR_MM = 1e9  # farther apart than anything
+A_BLOCK = 2048  # postures
 
 
 def bounding_volumes(cell: Cell) -> BoundingVolumes:
@@ -37,10 +36,6 @@ def bounding_volumes(cell: Cell) -> BoundingVolumes:
     solid = np.array([_solid(shape) for shape in cell.shapes], np.int64)
     around = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2 + radius
     return BoundingVolumes(
-        axes=cell.chain.axes,
-        points_mm=cell.chain.points_mm,
-        frames=_frames(cell),
-        slides=np.array([axis.slides for axis in cell.axes] or [False]),
         link=np.array([max(shape.link, 0) for shape in cell.shapes], np.int64),
         solid=solid,
         ends_mm=ends,
@@ -50,18 +45,6 @@ def bounding_volumes(cell: Cell) -> BoundingVolumes:
         around_mm=np.where(solid == BOX, np.linalg.norm(half, axis=1), around),
         pairs=np.array(checked_pairs(cell), np.int64).reshape(-1, 2),
     )
-
-
-def _frames(cell: Cell) -> Float:
-    """Of each external axis at 0 in what carries it (e, 4, 4); one, the base, where there is none."""
-    poses = [np.eye(4), *(axis.base_from_turntable for axis in cell.axes)]
-    return np.array([inverse(a) @ b for a, b in itertools.pairwise(poses)] or [np.eye(4)])
-
-
-def with_externals(cell: Cell, joints: Float, turntable: Float | float) -> Float:
-    """Joint angles (n, 6) and, behind them, values of the external axes (n,) or (n, e): (n, 6 + e)."""
-    shape = (len(joints), len(cell.axes)) if len(cell.axes) > 1 else (len(joints),)
-    return np.ascontiguousarray(np.column_stack([joints, np.broadcast_to(np.asarray(turntable, float), shape)]))
 
 
 def _volume(shape: Shape) -> tuple[Float, float, Float]:
@@ -134,11 +117,21 @@ class CollisionScreen:
 
         What is farther apart than `most_mm`, (P,) or (n, P), need not be known, and takes less time.
         """
-        q = with_externals(self.cell, joints, turntable)
-        most = np.empty((len(q), len(self.volumes.pairs)))
+        most = np.empty((len(joints), len(self.least_mm)))
         most[:] = FAR_MM if most_mm is None else most_mm
-        found, middles = pairs_kernel(self.volumes, q, most)
-        return np.asarray(found), np.asarray(middles)
+
+        def some(first: int, last: int) -> tuple[Float, Float]:
+            standing = self._standing(joints[first:last], turntable[first:last])
+            return pairs_kernel(self.volumes, standing, most[first:last]), standing.middle
+
+        blocks = list(in_order(some, len(joints), A_BLOCK)) or [some(0, 0)]
+        found, middles = (np.concatenate(part) for part in zip(*blocks, strict=True))
+        return found, middles
+
+    def _standing(self, joints: Float, turntable: Float) -> Standing:
+        """The volumes where joint angles (n, 6) and external axes, (n,) or (n, e), carry them."""
+        external = np.moveaxis(standing_poses(self.cell, turntable), 0, 1)
+        return placed_kernel(self.volumes, np.concatenate([motions(self.cell.chain, joints), external], axis=1))
 
     def moved_mm(self, joints: Float, turntable: Float, reach: Float, middles: Float) -> Float:
         """By how much each pair (n, P) may come nearer within reaches (n, 6 + e) of joints and external axes."""
@@ -193,10 +186,10 @@ class CollisionScreen:
         some = np.flatnonzero(reach.sum(axis=1) - reach[:, slides].sum(axis=1) < MOST_SWEPT)
         joints, external = q[some, :6], q[some, 6:] if len(self.cell.axes) > 1 else q[some, 6]
         bodies, pairs = self.volumes, np.flatnonzero(asked[some].any(axis=0))
-        _, middles = pairs_kernel(bodies._replace(pairs=bodies.pairs[:0]), q[some], np.empty((len(some), 0)))
-        need = (self.moved_mm(joints, external, reach[some], middles) + self.least_mm)[:, pairs]
+        standing = self._standing(joints, external)
+        need = (self.moved_mm(joints, external, reach[some], standing.middle) + self.least_mm)[:, pairs]
         most = np.where(asked[np.ix_(some, pairs)], need + SAFE_MM, 0.0)
-        found[np.ix_(some, pairs)] = pairs_kernel(bodies._replace(pairs=bodies.pairs[pairs]), q[some], most)[0] > need
+        found[np.ix_(some, pairs)] = pairs_kernel(bodies._replace(pairs=bodies.pairs[pairs]), standing, most) > need
         return found
 
     def hits(self, joints: Float, turntable: Float) -> Int:

@@ -105,11 +105,14 @@ def test_a_cause_tells_nothing_of_the_machine(recording: str, cause: str, shown:
 
 
 def test_the_page_needs_nothing_else() -> None:
-    made = Page(page([part(f"p{i}", [1.5 + 0.01 * (i % 5), 1.4]) for i in range(30)], "Fleet"))
+    parts = [part(f"p{i}", [1.5 + 0.01 * (i % 5), 1.4]) for i in range(30)]
+    made = Page(page(parts, "Fleet"))
     assert len(made.sources) == 4
     assert all(source.startswith("data:image/svg+xml;base64,") for source in made.sources)
     assert not any(b"40.2000" in base64.b64decode(source.partition(",")[2]) for source in made.sources)  # all alike
     assert not {"script", "link", "iframe"} & set(made.tags)
+    for count in (19, 20):  # Montgomery, 6.2
+        assert ("Fewer than 20 parts: limits and indices are provisional" in page(parts[:count], "")) == (count < 20)
 
 
 def test_every_part_and_section_is_a_row() -> None:

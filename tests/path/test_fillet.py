@@ -13,10 +13,12 @@ import pytest
 
 from tests.made import files_of
 from tests.path.conftest import Raw
+from tests.report.conftest import text_of
 from workbench.api import rotation_from_quaternion
 from workbench.artefacts import Toolpath
 from workbench.errors import InputError
 from workbench.path import check, check_file, feed, layers, read
+from workbench.report import plan as report_plan
 
 ROOT, RADIUS, ANGLE = 1.5, 3.0, math.radians(20.0)
 J = {"root_mm": ROOT, "bevel_deg": 20.0, "root_radius_mm": RADIUS, "cutter_diameter_mm": 2.0 * RADIUS}
@@ -94,6 +96,14 @@ def test_a_sound_path_passes_with_its_scan_and_from_its_file(planned, tmp_path) 
     assert again.root_radius_mm == RADIUS
     assert dataclasses.astuple(again.cutter) == dataclasses.astuple(plan.cutter)
     assert check_file(again).passed
+
+
+def test_the_page_says_where_the_ball_end_meets_the_end_face(planned, monkeypatch) -> None:
+    scan, plan = planned
+    monkeypatch.setattr("workbench.report.scene.picture", lambda view: b"\x89PNG")
+    text = text_of(report_plan(scan.cloud, scan.edge, plan))
+    (told,) = re.findall(r"Root face 1\.5 mm ([\d.]+) mm ([\d.]+) mm", text)
+    assert [float(one) for one in told] == pytest.approx([ROOT, ROOT], abs=0.02)
 
 
 @pytest.mark.parametrize("down_mm", [0.2, -0.2])

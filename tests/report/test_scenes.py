@@ -123,6 +123,9 @@ def test_colours_are_the_deviations_from_the_faces(scene):
 
 
 def test_the_legend_names_the_colours_of_the_palette(scene):
+    faces = {name for name, _ in scene.shadings[0].legend}
+    assert {"root face", "bevel face", "upper surface"} <= faces
+    assert "lower surface" not in faces
     for shading in scene.shadings[1:]:
         assert "#{:02x}{:02x}{:02x}".format(*shading.palette[254]) == shading.legend[-2][1]
         assert "#{:02x}{:02x}{:02x}".format(*shading.palette[255]) == shading.legend[-1][1]

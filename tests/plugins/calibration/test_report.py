@@ -51,6 +51,13 @@ def test_chapter_tells_everything(parts, chapter):
     assert "good enough" in chapter.summary
 
 
+def test_a_sphere_without_a_name_is_called_by_its_size(parts, chapter):
+    found, profiles, recording, *more = parts
+    nameless = report(found, profiles, dataclasses.replace(recording, part=Part()), *more)
+    assert chapter.part.part_id == "<b>ball</b>"
+    assert nameless.part.part_id == f"Sphere of {recording.sphere_diameter_mm:g} mm"
+
+
 def test_html_is_well_formed_and_names_nothing_outside(chapter):
     page = ElementTree.fromstring(f"<div>{chapter.html}</div>")
     pictures = [image.attrib["src"] for image in page.iter("img")]

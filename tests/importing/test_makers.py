@@ -139,3 +139,10 @@ def test_damage_is_named_by_line(case: str, tmp_path: Path, imported: Import, ma
     with pytest.raises(InputError, match=message):
         imported(swapped(write(tmp_path / "a.csv"), old, new), mapping=mapped(**AXIS))
     assert not (tmp_path / "imported.h5").exists()
+
+
+def test_of_several_bad_rows_the_first_is_named(tmp_path: Path, imported: Import, mapped: Mapped) -> None:
+    path = makers.write_gopxl(tmp_path / "a.csv")
+    path.write_text(path.read_text().replace(",1\n", ",2\n"))
+    with pytest.raises(InputError, match=r"line 2: column 'Valid': expected a whole number"):
+        imported(path, mapping=mapped(**AXIS))

@@ -90,7 +90,7 @@ def test_left_out_points_leave_their_columns_free(tmp_path: Path, imported: Impo
 BAD: dict[str, tuple[str, str]] = {
     "a word": ("x,z\n1,2\n\n3,four\n", r"line 4, cell 2: expected a number with decimal mark '\.', found 'four'"),
     "a cell too few": ("x,z\n1,2\n1\n", r"line 3: expected 2 cells, found 1"),
-    "an infinity": ("x,z\n1,2\n1,inf\n", r"line 3: column 'z': expected a finite number"),
+    "infinities": ("x,z\n1,2\n1,inf\n2,3\n1,inf\n", r"line 3: column 'z': expected a finite number"),
     "an underscore": ("x,z\n1,2_0\n", r"line 2, cell 2: expected a number"),
     "another name": ("x,Z\n1,2\n", r"is in no known form"),
     "no rows": ("x,z\n\n\n", r"expected rows of numbers after line 1, found none"),

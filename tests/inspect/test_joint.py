@@ -154,11 +154,15 @@ def test_a_failing_section_is_named_before_an_open_one() -> None:
     assert undecided.reason == "1 of 4 sections undecided: section 1: land too near a limit to decide"
 
 
-def test_what_is_required_and_not_seen_is_undecided() -> None:
-    made = preparation(joint(), nominal={**NOSE, "depth_mm": 4, "depth_tolerance_mm": [-1, 1]}, sections=2)
-    assert [one.verdict for one in made.sections] == ["undecided"] * 2
-    assert "depth of preparation not seen" in made.sections[0].reason
-    assert "land within tolerance" in made.sections[0].reason
+@pytest.mark.parametrize("unseen", ["depth", "width"])
+def test_what_is_required_and_not_seen_is_undecided_and_the_rest_judged(unseen: str) -> None:
+    """Wherever it stands among the sizes."""
+    wanted = {f"{unseen}_mm": 4, f"{unseen}_tolerance_mm": [-1, 1], "bevel_deg": 50.0, "bevel_tolerance_deg": [-1, 1]}
+    made = preparation(joint(), nominal={**NOSE, **wanted}, sections=2)
+    assert [one.verdict for one in made.sections] == ["fail"] * 2
+    for words in ("not seen", "land within tolerance", "bevel angle out of tolerance"):
+        assert words in made.sections[0].reason
+    assert preparation(joint(), nominal={**NOSE, **dict([*wanted.items()][:2])}, sections=2).verdict == "undecided"
 
 
 def test_each_source_is_told_in_the_section_where_its_size_is_known_worst() -> None:

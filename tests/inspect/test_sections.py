@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from workbench.artefacts import DIRECTIONS, END, TANGENT, Inspection, MilledEdge, Quantity, Unseen
+from workbench.artefacts import DIRECTIONS, END, TANGENT, MilledEdge, Quantity, Unseen
 from workbench.inspect import sections
-from workbench.units import Float
 
 Maker = Callable[..., MilledEdge]
 
@@ -30,25 +30,6 @@ def test_sections_lie_in_the_middle_of_equal_parts(edge: Maker, count: int) -> N
         assert s.frames.size == pytest.approx(101, abs=45)
 
 
-def test_values_and_profile(edge: Maker) -> None:
-    def root(s: Float) -> Float:
-        return np.asarray(1.4 + 0.2 * s / 90)
-
-    made = sections(edge(root=root, bevel=lambda s: 39.5 + s / 90))
-    for s in made.sections:
-        assert s.root_mm == pytest.approx(1.4 + 0.2 * s.arc_length_mm / 90, abs=0.006)
-        assert s.bevel_deg == pytest.approx(39.5 + s.arc_length_mm / 90, abs=0.25)
-        assert s.bevel_u_deg is not None
-        assert abs(s.bevel_deg - 39.5 - s.arc_length_mm / 90) < 3.5 * s.bevel_u_deg
-    profile = made.profile
-    assert profile.arc_length_mm.shape == profile.root_mm.shape == profile.bevel_u_deg.shape == (91,)
-    np.testing.assert_allclose(profile.root_mm, root(profile.arc_length_mm), rtol=0, atol=0.01)
-    at = made.sections[4].arc_length_mm
-    assert profile.root_mm[45] == pytest.approx(made.sections[4].root_mm, abs=1e-9)
-    assert profile.bevel_deg[45] == pytest.approx(made.sections[4].bevel_deg, abs=1e-9)
-    assert at == 45.0
-
-
 def test_hidden_sections_stay_without_values_and_undecided(edge: Maker) -> None:
     made = sections(edge(hidden_mm=(41.1, 51.7)), sections=9)
     hidden = made.sections[4]
@@ -64,37 +45,44 @@ def test_hidden_sections_stay_without_values_and_undecided(edge: Maker) -> None:
     np.testing.assert_array_equal(np.isfinite(made.profile.bevel_deg), covered)
 
 
-def verdict(part: MilledEdge, **parameters: object) -> Inspection:
-    return sections(part, **parameters)  # type: ignore[arg-type]
-
-
-def test_the_part_is_judged_by_its_worst_section(edge: Maker) -> None:
-    assert sections(edge()).verdict == "pass"
-    assert "9" in sections(edge()).reason
-    thin = sections(edge(root=lambda s: np.where(s < 12, 0.9, 1.5)))
-    assert [s.verdict for s in thin.sections].count("fail") in (1, 2)
-    assert thin.verdict == "fail"
-    assert "section 1" in thin.reason
-    assert "root face out of tolerance" in thin.reason
-    steep = sections(edge(bevel=lambda s: 41.5 + 0 * s))
-    assert steep.verdict == "fail"
-    assert "bevel angle out of tolerance" in steep.reason
-
-
-def test_a_part_at_the_limit_is_undecided(edge: Maker) -> None:
-    assert sections(edge(root=lambda s: 2.0 + 0 * s)).verdict == "undecided"
-    assert sections(edge(bevel=lambda s: 39 + 0 * s, bevel_u_deg=(0.3, 0.0))).verdict == "undecided"
+@pytest.mark.parametrize(
+    ("changes", "verdict", "reason"),
+    [
+        ({}, "pass", "all 9 sections within tolerance"),
+        ({"root": lambda s: np.where(s < 12, 0.9, 1.5)}, "fail", "1 of 9 sections fail: section 1: root face out of"),
+        (
+            {"bevel": lambda s: 41.5 + 0 * s},
+            "fail",
+            "9 of 9 sections fail: section 1: root face within",
+        ),
+        ({"root": lambda s: 2.0 + 0 * s}, "undecided", "9 of 9 sections undecided: section 1: root face too near a"),
+        ({"bevel": lambda s: 39 + 0 * s, "bevel_u_deg": (0.3, 0.0)}, "undecided", "bevel angle too near a limit"),
+        (
+            {"root": lambda s: np.where(s > 40, 0.5, np.where(s < 12, 2.0, 1.5))},
+            "fail",
+            "5 of 9 sections fail: section 5: root face out of tolerance",
+        ),
+        ({"root": lambda s: np.where(s > 40, 2.0, 1.5)}, "undecided", "5 of 9 sections undecided: section 5: root"),
+    ],
+)
+def test_the_part_is_judged_by_its_worst_section_and_the_first_such_is_named(
+    edge: Maker, changes: dict[str, Any], verdict: str, reason: str
+) -> None:
+    made = sections(edge(**changes), sections=9)
+    assert made.verdict == verdict
+    assert reason in made.reason
+    assert ("bevel angle out of tolerance" in made.reason) is ("bevel" in changes and verdict == "fail")
 
 
 def test_requirements_and_guard_band_are_the_callers(edge: Maker) -> None:
     part = edge(root=lambda s: 2.4 + 0 * s, bevel=lambda s: 35 + 0 * s)
-    own = {
+    own: dict[str, Any] = {
         "root_nominal_mm": 2.5,
         "root_tolerance_mm": (-0.2, 0.0),
         "bevel_nominal_deg": 35.0,
         "bevel_tolerance_deg": (-2.0, 2.0),
     }
-    made = verdict(part, **own)
+    made = sections(part, **own)
     assert made.verdict == "pass"
     assert (made.requirements.root_nominal_mm, made.requirements.root_tolerance_mm) == (2.5, (-0.2, 0.0))
     assert made.guard_factor == 1.645
@@ -102,8 +90,8 @@ def test_requirements_and_guard_band_are_the_callers(edge: Maker) -> None:
     u = made.sections[0].root_u_mm
     assert u is not None
     narrow = {**own, "root_tolerance_mm": (-0.1 - 3 * u, 0.0)}
-    assert verdict(part, **narrow, guard_factor=0.0).verdict == "pass"
-    assert verdict(part, **narrow, guard_factor=5.0).verdict == "undecided"
+    assert sections(part, **narrow, guard_factor=0.0).verdict == "pass"
+    assert sections(part, **narrow, guard_factor=5.0).verdict == "undecided"
 
 
 def test_failures_between_the_sections_are_told(edge: Maker) -> None:
@@ -128,7 +116,7 @@ def test_a_section_states_the_values_and_the_u_at_its_place(edge: Maker) -> None
             "root_mm", 1.5 + at / 900.0, {END: np.interp(at, [0, 90], [first, last]), DIRECTIONS: 0.004 + 0 * at}
         )
 
-    part = replace(edge(), root=growing(0.003, 0.009))
+    part = replace(edge(bevel=lambda s: 39.5 + s / 90.0), root=growing(0.003, 0.009))
     bevel = Quantity.of(
         "bevel_deg", part.bevel.value, {DIRECTIONS: np.linspace(0.3, 0.1, 91), TANGENT: 0.2 + np.zeros(91)}
     )
@@ -137,6 +125,9 @@ def test_a_section_states_the_values_and_the_u_at_its_place(edge: Maker) -> None
         assert one.root_mm == pytest.approx(1.5 + s / 900.0)
         assert one.root_u_mm == pytest.approx(np.hypot(0.003 + 0.006 * s / 90.0, 0.004))
         assert one.bevel_u_deg == pytest.approx(np.hypot(0.3 - 0.2 * s / 90.0, 0.2))
+        assert one.bevel_deg == pytest.approx(39.5 + s / 90.0)
+    for stated, size in ((made.profile.root_mm, part.root), (made.profile.bevel_deg, part.bevel)):
+        np.testing.assert_array_equal(stated, size.value)
     told = {row["name"]: (row["root_u_mm"], row["bevel_u_deg"]) for row in made.sources}
     assert told[END] == pytest.approx((0.008, 0.0))  # the root face is known worst in the last section,
     assert told[DIRECTIONS] == pytest.approx((0.004, 0.3 - 0.2 / 6.0))  # the angle in the first
@@ -176,13 +167,6 @@ def test_where_what_is_no_bevel_lies_and_where_it_fails_between_sections_is_told
     both = sections(edge(root=lambda s: np.where(s < 50, 0.5, 1.5)), sections=2)
     assert both.verdict == "fail"
     assert both.warnings == ()
-
-
-def test_the_reason_counts_and_names_the_first_section(edge: Maker) -> None:
-    failing = sections(edge(root=lambda s: np.where(s > 40, 0.5, np.where(s < 12, 2.0, 1.5))), sections=9)
-    assert failing.reason.startswith("5 of 9 sections fail: section 5: root face out of tolerance")
-    open_ = sections(edge(root=lambda s: np.where(s > 40, 2.0, 1.5)), sections=9)
-    assert open_.reason.startswith("5 of 9 sections undecided: section 5: root face too near a limit")
 
 
 LOST = Unseen("lost_columns", "A lost column.", 0.07, 0.0)

@@ -16,7 +16,8 @@ def scene(seed: int, frames: int = 30, columns: int = 60) -> tuple[Float32, Bool
     rng = np.random.default_rng(seed)
     u = np.arange(columns)
     z = 150 + np.where(u < 25, 0.02 * u, np.where(u < 40, 0.5 + 0.4 * (u - 25), 6.5 - 1.7 * (u - 40)))
-    grid = z + rng.normal(0, 0.012, (frames, columns)) + rng.normal(0, 0.05, (frames, 1))
+    climb = 0.15 * np.arange(frames)[:, None] * (rng.random(columns) < 0.5)  # a frame's neighbours only bracket it
+    grid = z + climb + rng.normal(0, 0.012, (frames, columns)) + rng.normal(0, 0.05, (frames, 1))
     wild = rng.random(grid.shape) < 0.05
     grid[wild] += rng.uniform(-4, 4, wild.sum())
     for _ in range(10):  # streaks over columns and over frames

@@ -154,7 +154,7 @@ def test_a_failing_section_is_named_before_an_open_one() -> None:
     assert undecided.reason == "1 of 4 sections undecided: section 1: land too near a limit to decide"
 
 
-@pytest.mark.parametrize("unseen", ["depth", "width"])
+@pytest.mark.parametrize("unseen", ["root_face", "depth"])
 def test_what_is_required_and_not_seen_is_undecided_and_the_rest_judged(unseen: str) -> None:
     """Wherever it stands among the sizes."""
     wanted = {f"{unseen}_mm": 4, f"{unseen}_tolerance_mm": [-1, 1], "bevel_deg": 50.0, "bevel_tolerance_deg": [-1, 1]}

@@ -28,44 +28,42 @@ def read(
     return Rotation.from_quat(quaternion[:, [1, 2, 3, 0]]), at, hand_eye
 
 
-@pytest.mark.parametrize(
-    ("name", "stored"),
-    [
-        ("quaternions are stored x y z w, not w x y z", TRUE.as_quat()),
-        ("quaternions are conjugated: they turn from the base to the flange", wxyz(TRUE.inv())),
-        ("quaternions are stored x y z w and conjugated", TRUE.inv().as_quat()),
-        ("quaternions are stored x y z w on writing and on reading", wxyz(TRUE)[:, [3, 0, 1, 2]]),
-        ("quaternions are stored w z y x, not w x y z", wxyz(TRUE)[:, [0, 3, 2, 1]]),
-        ("quaternions are stored z y x w, not w x y z", wxyz(TRUE)[:, ::-1]),
-        ("the sign of x of the quaternions is wrong", wxyz(TRUE) * [1, -1, 1, 1]),
-        ("the sign of y of the quaternions is wrong", wxyz(TRUE) * [1, 1, -1, 1]),
-        ("the sign of z of the quaternions is wrong", wxyz(TRUE) * [1, 1, 1, -1]),
-    ],
-)
-def test_quaternions_stored_otherwise_are_read_back(name: str, stored: Float) -> None:
-    turn, at, hand_eye = read(KNOWN[name], stored)
-    assert (turn.inv() * TRUE).magnitude().max() < 1e-7
-    assert at is AT
-    assert hand_eye is HAND_EYE
+def with_rotation(turn: Float) -> Float:
+    """The hand-eye pose with another one."""
+    pose = HAND_EYE.copy()
+    pose[:3, :3] = turn
+    return pose
 
 
-def test_inverted_poses_are_read_back() -> None:
-    inverted = KNOWN["the poses are inverted: they map the base to the flange"]
-    turn, at, _ = read(inverted, wxyz(TRUE.inv()), -TRUE.inv().apply(AT))
+HELD = {"quaternion": wxyz(TRUE), "at": AT, "hand_eye": HAND_EYE}
+STORED: dict[str, dict[str, Float]] = {  # by the mistake
+    "quaternions are stored x y z w, not w x y z": {"quaternion": TRUE.as_quat()},
+    "quaternions are conjugated: they turn from the base to the flange": {"quaternion": wxyz(TRUE.inv())},
+    "quaternions are stored x y z w and conjugated": {"quaternion": TRUE.inv().as_quat()},
+    "quaternions are stored x y z w on writing and on reading": {"quaternion": wxyz(TRUE)[:, [3, 0, 1, 2]]},
+    "quaternions are stored w z y x, not w x y z": {"quaternion": wxyz(TRUE)[:, [0, 3, 2, 1]]},
+    "quaternions are stored z y x w, not w x y z": {"quaternion": wxyz(TRUE)[:, ::-1]},
+    "the sign of x of the quaternions is wrong": {"quaternion": wxyz(TRUE) * [1, -1, 1, 1]},
+    "the sign of y of the quaternions is wrong": {"quaternion": wxyz(TRUE) * [1, 1, -1, 1]},
+    "the sign of z of the quaternions is wrong": {"quaternion": wxyz(TRUE) * [1, 1, 1, -1]},
+    "the poses are inverted: they map the base to the flange": {
+        "quaternion": wxyz(TRUE.inv()),
+        "at": -TRUE.inv().apply(AT),
+    },
+    "the hand-eye pose is inverted: it maps the flange to the profiler": {"hand_eye": np.linalg.inv(HAND_EYE)},
+    "the hand-eye rotation is transposed": {"hand_eye": with_rotation(HAND_EYE[:3, :3].T)},
+}
+
+
+@pytest.mark.parametrize("name", STORED)
+def test_what_is_stored_otherwise_is_read_back(name: str) -> None:
+    turn, at, hand_eye = read(KNOWN[name], **(HELD | STORED[name]))
     assert (turn.inv() * TRUE).magnitude().max() < 1e-7
     assert at == pytest.approx(AT)
+    assert hand_eye == pytest.approx(HAND_EYE)
 
 
-def test_hand_eye_poses_stored_otherwise_are_read_back() -> None:
-    inverted = read(
-        KNOWN["the hand-eye pose is inverted: it maps the flange to the profiler"],
-        wxyz(TRUE),
-        hand_eye=np.linalg.inv(HAND_EYE),
-    )
-    assert inverted[2] == pytest.approx(HAND_EYE)
-    turned = HAND_EYE.copy()
-    turned[:3, :3] = HAND_EYE[:3, :3].T
-    assert read(KNOWN["the hand-eye rotation is transposed"], wxyz(TRUE), hand_eye=turned)[2] == pytest.approx(HAND_EYE)
+def test_poses_of_the_profiler_itself_need_no_hand_eye_pose() -> None:
     missing = KNOWN["the hand-eye pose is missing from the poses: they are the profiler's own"]
     assert np.array_equal(read(missing, wxyz(TRUE))[2], np.eye(4))
 

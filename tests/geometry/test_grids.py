@@ -37,12 +37,6 @@ def test_fused_points_err_by_less_than_a_tenth_of_a_micrometre_5_m_from_the_base
     np.testing.assert_array_equal(np.isnan(points), np.isnan(x + z)[..., None].repeat(3, axis=2))
 
 
-def test_fuse_of_a_block_of_frames_is_the_block_of_the_whole() -> None:
-    x, z, pose = scene()
-    whole = grids.fuse(x, z, pose, np.zeros(3))
-    np.testing.assert_array_equal(grids.fuse(x[11:23], z[11:23], pose[11:23], np.zeros(3)), whole[11:23])
-
-
 def test_returns_and_census_tell_finite_missing_and_infinite_apart() -> None:
     x, z, _ = scene()
     x[0, :4] = (np.inf, -np.inf, np.nan, -0.0)
@@ -55,14 +49,6 @@ def test_returns_and_census_tell_finite_missing_and_infinite_apart() -> None:
     beyond = int(sum((np.abs(grid) > 100.0).sum() for grid in (x, z)))
     assert grids.census(x, z, 100.0) == (int(finite.sum()), beyond)
     assert grids.census(x[:0], z[:0], 100.0) == (0, 0)
-
-
-def test_unshuffle_undoes_the_shuffle() -> None:
-    values = np.random.default_rng(1).normal(200, 5, (6, 11)).astype(np.float32)
-    shuffled = np.ascontiguousarray(values.reshape(-1, 1).view(np.uint8).T).ravel()
-    out = np.empty((4, 11), np.float32)  # a chunk may reach beyond the last frame
-    grids.unshuffle(shuffled, out)
-    np.testing.assert_array_equal(out, values[:4])
 
 
 @pytest.mark.parametrize("seed", range(4))

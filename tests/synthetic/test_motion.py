@@ -85,24 +85,3 @@ def test_frames_lie_within_the_pose_times(motion, rate):
     assert np.all(np.diff(recording.time_s) > 0)
     assert np.all(np.diff(recording.robot_time_s) > 0)
     assert recording.robot_time_s[0] <= recording.time_s[0] < recording.time_s[-1] <= recording.robot_time_s[-1]
-
-
-def test_pose_noise_and_hand_eye_error_are_in_the_record_only():
-    exact, _ = simulate_recording(recipe_of(scan={"motion": "stream"}))
-    robot = {"pose_noise_mm": 0.05, "hand_eye_error_mm": 0.2, "hand_eye_error_deg": 0.1}
-    noisy, truth = simulate_recording(recipe_of(scan={"motion": "stream"}, robot=robot))
-    assert np.array_equal(exact.z_mm, noisy.z_mm, equal_nan=True)
-    assert np.std(noisy.robot_position_mm - exact.robot_position_mm) == pytest.approx(0.05, rel=0.15)
-    offset = noisy.flange_from_profiler[:3, 3] - exact.flange_from_profiler[:3, 3]
-    assert 0.02 < np.linalg.norm(offset) < 0.8
-    assert np.array_equal(truth.document()["flange_from_profiler"], exact.flange_from_profiler)
-
-
-def test_a_smooth_error_repeats_over_its_wavelength_and_is_in_no_pose():
-    sizes = {"root_mm": 1.5, "bevel_deg": 40, "thickness_mm": 8}
-    robot = {"smooth_error_mm": 0.2, "smooth_error_wavelength_mm": [20, 20]}
-    exact, erring = (simulate_recording(recipe_of(sizes, {"motion": "stream"}, robot=one))[0] for one in ({}, robot))
-    np.testing.assert_array_equal(exact.robot_position_mm, erring.robot_position_mm)
-    off = np.nanmedian(erring.z_mm - exact.z_mm, axis=1)  # a frame each mm
-    assert 0.1 < np.abs(off).max() < 0.5
-    np.testing.assert_allclose(off[20:], off[:-20], atol=0.01)

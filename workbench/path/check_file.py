@@ -38,7 +38,7 @@ def check_file(
 
     A path that its file says was refused or changed stays refused. Layers step down to the final one, and the cutter is
     nowhere deeper than `penetration_mm` in the final face. Without a check in the file the programs say that the
-    workpiece was not looked at; without evidence of where the part stands the path is a shape only.
+    workpiece was not examined; without evidence of where the part stands the path is a shape only.
 
     Args:
         toolpath: the path.

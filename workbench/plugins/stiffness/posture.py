@@ -121,7 +121,7 @@ def posture(
         cutter_rotation_deg: lowest and highest; a full turn is the whole circle.
         turntable_deg: lowest and highest; null: the cell's limits.
         tilt_deg: of the turntable's tilt, likewise.
-        tilt_step_deg: between the tilts that are looked at.
+        tilt_step_deg: between the tilts examined.
         step_deg: of the grid, both ways; null: 1, or 5 without stiffness or with modes.
         sampled_points: number of loaded points that the traversal averages; the result holds for all.
         load: force of a revolution: its mean or its peak.

@@ -7,7 +7,7 @@ import sys
 from functools import partial
 
 from bench.harness import kept, made_by
-from bench.metrology import calibration, instruments, joints, measured_loop, stiffness
+from bench.metrology import calibration, joints, measured_loop, stiffness
 from bench.metrology.study import Condition, Row, Study, Task
 from bench.tables import folded, put_into
 
@@ -15,7 +15,6 @@ FIRST_SEED = 1_000_000  # seeds below 10,000 are for developing
 STUDIES: dict[str, Study] = {
     "measured_loop": measured_loop.STUDY,
     "calibration": calibration.STUDY,
-    "instruments": instruments.STUDY,
     "stiffness": stiffness.STUDY,
     "joints": joints.STUDY,
 }

@@ -34,17 +34,12 @@ def joints(seed: int) -> Row:
     return {"z": [0.4, 1.8, 0.9], "right": 1}
 
 
-def instruments(seed: int) -> Row:
-    return {"z": [0.5, -1.5], "covered": seed % 20 != 0, "over_bound": [1.0, -0.9], "stated": [1.0, 1.0]}
-
-
 CASES: dict[str, tuple[str, Callable[[int], Row], list[tuple[Values, str]]]] = {
     "calibration": (
         "sphere_nine",
         calibration,
         [({"vol_mm": 0.2}, "error over its bound"), ({"nees": 20.0}, "coverage of the ellipsoid")],
     ),
-    "instruments": ("arm_sphere", instruments, [({"over_bound": [1.0, 2.0]}, "errors over their bound")]),
     "joints": (
         "prism_V",
         joints,

@@ -195,21 +195,6 @@ def test_an_edge_seen_only_in_part_is_refused(scanned: Scans, aim_mm: tuple[floa
         segment_raw(scan.cloud, upper_side=UP, z_away=True)
 
 
-@pytest.mark.parametrize(
-    ("z_away", "x_rises", "off_deg"),
-    [(True, False, -20.0), (False, True, -10.0), *seldom((True, True, 20.0), (False, False, 0.0))],
-)
-def test_a_rough_direction_is_enough_whatever_the_sensors_axes(
-    scanned: Scans, z_away: bool, x_rises: bool, off_deg: float
-) -> None:
-    scanner = {"columns": 500, "z_away": z_away, "x_rises": x_rises}
-    scan = scanned(part=RAW | {"roughness_mm": 0.2, "end_face_tilt_deg": 3.0}, scanner=scanner, passes=[ABOVE])
-    told = np.cos(off_deg * DEG) * scan.truth.across[0] + np.sin(off_deg * DEG) * scan.truth.normal[0]
-    edge = segment_raw(scan.cloud, upper_side=tuple(told))
-    for name in ("across", "normal"):
-        assert (getattr(edge, name)[edge.seen] * at_stations(scan, edge, name)).sum(axis=1).min() > 0.99
-
-
 def test_a_milled_edge_is_no_raw_edge(scanned: Scans) -> None:
     with pytest.raises(InputError, match=r"not in view|no raw edge"):
         segment_raw(scanned(part={"length_mm": 60.0, "root_mm": 3.0}).cloud, upper_side=UP)

@@ -34,9 +34,13 @@ VIEWS: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any]]] = {  # p
         {"from_mm": 47.0, "to_mm": 3.0},
         {"x_rises": False, "z_away": False, "zero_range_mm": 170, "x_offset_mm": 7},
     ),
-    "convex": ({"curve": ARC}, EDGE, {}),
+    "convex": ({"curve": ARC}, EDGE, {"x_rises": False}),
     "concave, oblique": ({"curve": ARC | {"sense": "concave"}}, EDGE | {"oblique_deg": 10}, {"sampling": "angular"}),
-    "wavy": ({"curve": {"shape": "wavy", "wavelength_mm": 120}}, {"motion": "stream"}, {}),
+    "wavy": (
+        {"curve": {"shape": "wavy", "wavelength_mm": 120}},
+        {"motion": "stream"},
+        {"z_away": False, "zero_range_mm": 170},
+    ),
     "shaken": ({}, {}, {}),
 }
 
@@ -80,7 +84,7 @@ def seen(view: str, kind: str = "milled") -> Seen:
     recording, truth = simulate_recording(parse_recipe(recipe))
     cloud = denoise(fuse(recording))
     if kind == "raw":
-        edge: Edge = segment_raw(cloud, upper_side=tuple(truth.across[0] + 0.2 * truth.normal[0]))
+        edge: Edge = segment_raw(cloud, upper_side=tuple(truth.across[0] - 0.36 * truth.normal[0]))
     else:
         edge = segment(cloud, edge_condition="sharp")
     return Seen(cloud, edge, truth, "back" in view)

@@ -11,20 +11,30 @@ than the point moves, hence the division (Schwarzer, Saha, Latombe, IEEE Trans. 
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from workbench.geometry.blocks import in_order
-from workbench.robot.bound_kernels import BOX, CYLINDER, NONE, BoundingVolumes, Standing, pairs_kernel, placed_kernel
+from workbench.geometry.poses import inverse
+from workbench.robot.bound_kernels import (
+    BOX,
+    CYLINDER,
+    NONE,
+    BoundingVolumes,
+    bound_kernel,
+    pairs_kernel,
+    swept_kernel,
+)
 from workbench.robot.cell import ON_TURNTABLE, Cell, Shape
 from workbench.robot.collision import LOOKS, CollisionModel, checked_pairs, standing_poses
 from workbench.robot.kinematics import joint_axes, motions
 from workbench.units import DEG, Bool, Float, Int, Shaped
 
 SAFE_MM = 1e-3  # a posture counts as free only beyond this, so that rounding decides nothing
-MOST_SWEPT = 0.6  # rad, of all joints together: beyond it the levers change too much for a bound to be of use
+WAYS_A_BLOCK = 8  # some 20 ms
 FREE = -1
 FAR_MM = 1e9  # farther apart than anything
-A_BLOCK = 2048  # postures
 
 
 def bounding_volumes(cell: Cell) -> BoundingVolumes:
@@ -36,6 +46,10 @@ def bounding_volumes(cell: Cell) -> BoundingVolumes:
     solid = np.array([_solid(shape) for shape in cell.shapes], np.int64)
     around = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2 + radius
     return BoundingVolumes(
+        axes=cell.chain.axes,
+        points_mm=cell.chain.points_mm,
+        frames=_frames(cell),
+        slides=np.array([axis.slides for axis in cell.axes] or [False]),
         link=np.array([max(shape.link, 0) for shape in cell.shapes], np.int64),
         solid=solid,
         ends_mm=ends,
@@ -45,6 +59,18 @@ def bounding_volumes(cell: Cell) -> BoundingVolumes:
         around_mm=np.where(solid == BOX, np.linalg.norm(half, axis=1), around),
         pairs=np.array(checked_pairs(cell), np.int64).reshape(-1, 2),
     )
+
+
+def _frames(cell: Cell) -> Float:
+    """Of each external axis at 0 in what carries it (e, 4, 4); one, the base, where there is none."""
+    poses = [np.eye(4), *(axis.base_from_turntable for axis in cell.axes)]
+    return np.array([inverse(a) @ b for a, b in itertools.pairwise(poses)] or [np.eye(4)])
+
+
+def with_externals(cell: Cell, joints: Float, turntable: Float | float) -> Float:
+    """Joint angles (n, 6) and, behind them, values of the external axes (n,) or (n, e): (n, 6 + e)."""
+    shape = (len(joints), len(cell.axes)) if len(cell.axes) > 1 else (len(joints),)
+    return np.ascontiguousarray(np.column_stack([joints, np.broadcast_to(np.asarray(turntable, float), shape)]))
 
 
 def _volume(shape: Shape) -> tuple[Float, float, Float]:
@@ -103,6 +129,9 @@ class CollisionScreen:
         low, high = arm.min(axis=1), arm.max(axis=1)
         self.outer = np.take_along_axis(pairs, arm.argmax(axis=1)[:, None], axis=1)[:, 0]
         self.joints = (np.arange(1, 7) > low[:, None]) & (np.arange(1, 7) <= high[:, None])  # (P, 6)
+        # Many pairs come nearer by the same motion: that of one volume by the same joints.
+        motions, self.by = np.unique(np.column_stack([self.outer, self.joints]), axis=0, return_inverse=True)
+        self.carried, self.moves = motions[:, 0].astype(np.int64), motions[:, 1:].astype(bool)
         carriers = ON_TURNTABLE + np.arange(len(cell.axes))[::-1]  # from the base outwards
         carried = (link[:, :, None] >= ON_TURNTABLE) & (link[:, :, None] <= carriers)
         self.external = carried[:, 0] != carried[:, 1]  # (P, e) axes that move the two against each other
@@ -112,26 +141,23 @@ class CollisionScreen:
         """What it asks."""
         return f"CollisionScreen({self.model!r})"
 
+    def bound_mm(self, joints: Float, turntable: Float | float = 0.0, most_mm: float = FAR_MM) -> Float:
+        """A distance (n,) that no pair of bodies falls below, at joint angles (n, 6) and external axes (n,), rad.
+
+        Free without further look: more than SAFE_MM and what any pair must keep apart. Negative or small: ask
+        `CollisionModel`. What is farther apart than `most_mm` need not be known, and takes less time.
+        """
+        q = with_externals(self.cell, np.asarray(joints, float).reshape(-1, 6), turntable)
+        return np.asarray(bound_kernel(self.volumes, q, most_mm))
+
     def pair_bounds_mm(self, joints: Float, turntable: Float, most_mm: Float | None = None) -> tuple[Float, Float]:
         """A distance (n, P) that no pair falls below, and the volumes' middles (n, S, 3) in the base, at (n, 6), (n,).
 
-        What is farther apart than `most_mm`, (P,) or (n, P), need not be known, and takes less time.
+        What is farther apart than `most_mm` (P,) need not be known, and takes less time.
         """
-        most = np.empty((len(joints), len(self.least_mm)))
-        most[:] = FAR_MM if most_mm is None else most_mm
-
-        def some(first: int, last: int) -> tuple[Float, Float]:
-            standing = self._standing(joints[first:last], turntable[first:last])
-            return pairs_kernel(self.volumes, standing, most[first:last]), standing.middle
-
-        blocks = list(in_order(some, len(joints), A_BLOCK)) or [some(0, 0)]
-        found, middles = (np.concatenate(part) for part in zip(*blocks, strict=True))
-        return found, middles
-
-    def _standing(self, joints: Float, turntable: Float) -> Standing:
-        """The volumes where joint angles (n, 6) and external axes, (n,) or (n, e), carry them."""
-        external = np.moveaxis(standing_poses(self.cell, turntable), 0, 1)
-        return placed_kernel(self.volumes, np.concatenate([motions(self.cell.chain, joints), external], axis=1))
+        most = np.full(len(self.volumes.pairs), FAR_MM) if most_mm is None else most_mm
+        found, middles = pairs_kernel(self.volumes, with_externals(self.cell, joints, turntable), most)
+        return np.asarray(found), np.asarray(middles)
 
     def moved_mm(self, joints: Float, turntable: Float, reach: Float, middles: Float) -> Float:
         """By how much each pair (n, P) may come nearer within reaches (n, 6 + e) of joints and external axes."""
@@ -163,42 +189,25 @@ class CollisionScreen:
             joints: (c, s, 6) rad, s places one after the other, so near that a parabola through three tells the way.
             table: (c, s) rad, likewise.
         """
-        ways = np.concatenate([joints, table if table.ndim > 2 else table[..., None]], axis=2)
-        step, open_, way = _half_steps(ways), np.zeros(ways.shape[:2], bool), np.arange(len(ways))
-        first, last = np.zeros_like(way), np.full_like(way, ways.shape[1] - 1)
-        asked = np.ones((len(ways), len(self.least_mm)), bool)
-        while len(way):
-            middle = (first + last) // 2
-            proven = ~asked | self._apart(ways[way, middle], _reach(ways, step, way, first, last), asked)
-            # A pair that is proven on a stretch is on its halves: these ask from the first one on that was not.
-            asked &= ~np.logical_and.accumulate(proven, axis=1)
-            left = asked.any(axis=1)
-            open_[way, first] |= left & (first == last)
-            halved = np.flatnonzero(left & (first < last))
-            way, asked = np.tile(way[halved], 2), np.tile(asked[halved], (2, 1))
-            first, last = np.append(first[halved], middle[halved] + 1), np.append(middle[halved], last[halved])
-        return open_
+        beside = table if table.ndim > 2 else table[..., None]
+        ways = np.ascontiguousarray(np.concatenate([joints, beside], axis=2), float)
+        bodies, least = self.volumes, self.least_mm
 
-    def _apart(self, q: Float, reach: Float, asked: Bool) -> Bool:
-        """Whether pairs `asked` (n, P) stay apart within reaches (n, 6 + e) of places `q` (n, 6 + e)."""
-        found = np.zeros(asked.shape, bool)
-        slides = [k for k, axis in enumerate(self.cell.axes, 6) if axis.slides]  # which change no lever
-        some = np.flatnonzero(reach.sum(axis=1) - reach[:, slides].sum(axis=1) < MOST_SWEPT)
-        joints, external = q[some, :6], q[some, 6:] if len(self.cell.axes) > 1 else q[some, 6]
-        bodies, pairs = self.volumes, np.flatnonzero(asked[some].any(axis=0))
-        standing = self._standing(joints, external)
-        need = (self.moved_mm(joints, external, reach[some], standing.middle) + self.least_mm)[:, pairs]
-        most = np.where(asked[np.ix_(some, pairs)], need + SAFE_MM, 0.0)
-        found[np.ix_(some, pairs)] = pairs_kernel(bodies._replace(pairs=bodies.pairs[pairs]), standing, most) > need
-        return found
+        def some(first: int, last: int) -> Bool:
+            chosen = slice(first, last)
+            return np.asarray(swept_kernel(bodies, ways[chosen], self.carried, self.moves, self.by, least))
+
+        return np.concatenate([np.zeros((0, ways.shape[1]), bool), *in_order(some, len(ways), WAYS_A_BLOCK)])
 
     def hits(self, joints: Float, turntable: Float) -> Int:
         """Index into `pairs` of a pair that is too near, or FREE (n,), at (n, 6) and (n,), rad."""
         found = np.full(len(joints), FREE)
+        need = float(self.least_mm.max(initial=0.0)) + SAFE_MM
+        open_ = np.flatnonzero(~(self.bound_mm(joints, turntable, need + SAFE_MM) > need))
+        if not len(open_):
+            return found
         most = self.least_mm + SAFE_MM
-        near = self.pair_bounds_mm(joints, turntable, most + SAFE_MM)[0] <= most
-        open_ = np.flatnonzero(near.any(axis=1))
-        near = near[open_]
+        near = self.pair_bounds_mm(joints[open_], turntable[open_], most + SAFE_MM)[0] <= most
         moved = motions(self.cell.chain, joints[open_])
         tables = standing_poses(self.cell, turntable[open_])
         for i, n in enumerate(open_.tolist()):
@@ -265,23 +274,3 @@ class CollisionScreen:
         """A hit of two bodies by their names; FREE: there is none."""
         names = (self.model.names(*two) for two in self.model.pairs)
         return next((i for i, one in enumerate(names) if one == pair), FREE)
-
-
-def _half_steps(ways: Float) -> Float:
-    """How far axes go (c, s, 6 + e) from each place halfway to its neighbours, with what they bulge out in between.
-
-    A parabola through three places lies off their chords by an eighth of the second difference; a quarter is taken.
-    """
-    apart = np.pad(np.abs(np.diff(ways, axis=1)), ((0, 0), (1, 1), (0, 0)))
-    bulge = np.pad(np.abs(np.diff(ways, 2, axis=1)), ((0, 0), (2, 2), (0, 0)))
-    widest = np.maximum(np.maximum(bulge[:, :-2], bulge[:, 1:-1]), bulge[:, 2:])
-    return np.asarray(np.maximum(apart[:, :-1], apart[:, 1:]) / 2 + widest / 4)
-
-
-def _reach(ways: Float, step: Float, way: Int, first: Int, last: Int) -> Float:
-    """How far axes go (n, 6 + e) from the middle place of stretches to half a step before and behind them."""
-    count = last - first + 1
-    row, begin = np.repeat(np.arange(len(way)), count), np.cumsum(count) - count
-    place = np.arange(len(row)) - begin[row] + first[row]
-    off = np.abs(ways[way[row], place] - ways[way, (first + last) // 2][row]) + step[way[row], place]
-    return np.asarray(np.maximum.reduceat(off, begin))

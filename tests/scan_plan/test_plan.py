@@ -127,6 +127,17 @@ def test_passes_drift_to_either_side_in_turn() -> None:
     assert [np.sign(one) for one in drifts] == [1.0, -1.0]
 
 
+def test_a_pass_drifts_as_far_as_the_section_has_room(tmp_path: Path) -> None:
+    line = tmp_path / "edge.csv"
+    line.write_text("x_mm,y_mm,z_mm\n1000,0,800\n2000,0,800\n")
+    drifts = []
+    for width in (6.5, 7.0, 20.0):
+        narrow = sensor(tmp_path, width_mm=[width, width])
+        (one,) = made(edge=line, sensor=narrow, passes=1, wanted_root_mm=0.5, wanted_bevel_deg=2.0).plan.passes
+        drifts.append(one.drift_mm)
+    assert drifts == pytest.approx([0.15, 0.65, 2.0], abs=0.02)
+
+
 def test_the_plate_and_the_scanner_are_bodies(shipped: Made) -> None:
     place = shipped.plan.scan_cell
     assert place is not None

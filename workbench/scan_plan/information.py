@@ -157,7 +157,7 @@ def incidences(joint: Joint, view: View) -> tuple[float, float, float]:
     return root, bevel, lower
 
 
-def hidden_why(joint: Joint, profiler: Profiler, view: View, drift_mm: float = 0.0) -> str | None:
+def hidden_why(joint: Joint, profiler: Profiler, view: View) -> str | None:
     """Why a pass with this view cannot measure the joint; None: it can."""
     root, bevel, lower = incidences(joint, view)
     beside = [("plate's surfaces", min(lower, math.pi - lower))] if joint.raw else []  # a raw edge ends at them
@@ -165,8 +165,8 @@ def hidden_why(joint: Joint, profiler: Profiler, view: View, drift_mm: float = 0
         if incidence > MOST_INCIDENCE:
             return f"the {face} at {incidence / DEG:.0f} deg of incidence, at most {MOST_INCIDENCE / DEG:g}"
     across, away = seen_extent_mm(joint, view)
-    wide = profiler.line_mm(view.standoff_mm - 0.5 * away)
-    if across + drift_mm + 2.0 * BESIDE_MM > wide:
+    if room_mm(joint, profiler, view) < 0.0:
+        wide = profiler.line_mm(view.standoff_mm - 0.5 * away)
         return f"a section of {across:.1f} mm across in a laser line of {wide:.1f} mm"
     near, far = profiler.range_mm
     if view.standoff_mm - 0.5 * away - BESIDE_MM < near or view.standoff_mm + 0.5 * away + BESIDE_MM > far:
@@ -187,6 +187,12 @@ def seen_extent_mm(joint: Joint, view: View) -> tuple[float, float]:
     across = joint.section_mm @ np.array([-s, c])
     away = joint.section_mm @ np.array([c, s])
     return float(np.ptp(across)), float(np.ptp(away))
+
+
+def room_mm(joint: Joint, profiler: Profiler, view: View) -> float:
+    """By how much the section may move across the laser line."""
+    across, away = seen_extent_mm(joint, view)
+    return profiler.line_mm(view.standoff_mm - 0.5 * away) - across - 2.0 * BESIDE_MM
 
 
 @functools.lru_cache(maxsize=1024)

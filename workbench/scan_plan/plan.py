@@ -309,7 +309,7 @@ class Task(NamedTuple):
 
     def drift_mm(self, view: View) -> float:
         """Across the view, along the pass."""
-        return drift_mm(self.profiler, view, self.edge.length_mm)
+        return drift_mm(self.joint, self.profiler, view, self.edge.length_mm)
 
 
 def as_profiler(file: SensorFile, path: Path) -> Profiler:
@@ -362,7 +362,7 @@ def _placed(
 def planned(task: Task, place: Cell | None, unchecked: tuple[str, ...] = ()) -> ScanPlan:
     """The plan: by the turntable angle, of those that are tried in turn, that serves best."""
     views = [View(one, task.profiler.middle_mm, task.pitches_mm[0]) for one in task.elevations]
-    if all(hidden_why(task.joint, task.profiler, view, task.drift_mm(view)) for view in views):
+    if all(hidden_why(task.joint, task.profiler, view) for view in views):
         middle = View(0.5 * task.joint.bevel, task.profiler.middle_mm, task.pitches_mm[0])
         why = hidden_why(task.joint, task.profiler, middle) or "from no elevation are both faces seen"
         raise InputError("scan.plan", f"this joint cannot be measured with this sensor: {why}")
@@ -473,7 +473,7 @@ def _looked(task: Task, examiner: Examiner | None, table: float) -> _Looked:
         for elevation in task.elevations:
             view = View(elevation, task.profiler.middle_mm, task.pitches_mm[0], lead * DEG)
             drift = task.drift_mm(view)
-            if hidden_why(task.joint, task.profiler, view, drift):
+            if hidden_why(task.joint, task.profiler, view):
                 continue
             both = tuple(view_poses(at, task.joint, view, half, task.edge.length_mm, drift) for half in (False, True))
             turned, sees, fastest = False, np.ones(at.arc_length_mm.size, bool), task.most_speed_mm_s

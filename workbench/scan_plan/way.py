@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from
-from workbench.scan_plan.information import BESIDE_MM, Joint, Profiler, View
+from workbench.scan_plan.information import BESIDE_MM, Joint, Profiler, View, room_mm
 from workbench.units import Float, Shaped
 
 LEAST_MM = 5.0  # of edge, as an inspection needs
@@ -88,13 +88,14 @@ class EdgeLine:
         return EdgeLine(s, position, tangent, np.cross(tangent, across), across, self.source, self.beside_mm)
 
 
-def drift_mm(profiler: Profiler, view: View, length_mm: float) -> float:
-    """By how much the scanner moves across its view along the pass, mm.
+def drift_mm(joint: Joint, profiler: Profiler, view: View, length_mm: float) -> float:
+    """By how much the scanner moves across its view along the pass, mm, as far as the section has room in it.
 
     One column alone never tells where a face ends; columns that move past the edge do. Points that are taught wrong by
     some tenths of a mm move them as well, so passes drift to either side in turn: not all of them can be undone.
     """
-    return min(DRIFT * length_mm, MOST_DRIFT * profiler.columns) * profiler.pitch_mm(view.standoff_mm)
+    columns = min(DRIFT * length_mm, MOST_DRIFT * profiler.columns)
+    return max(0.0, min(columns * profiler.pitch_mm(view.standoff_mm), room_mm(joint, profiler, view)))
 
 
 def aim_mm(joint: Joint, view: View) -> Shaped[Float, " 2"]:

@@ -5,7 +5,7 @@ A cutter with run-out, a dynamometer that rings, noise: what the identification 
 
 from __future__ import annotations
 
-import sys
+import argparse
 from pathlib import Path
 from typing import NamedTuple
 
@@ -64,7 +64,9 @@ def write(path: Path, samples: Float) -> None:
 
 
 if __name__ == "__main__":
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "data/synthetic/forces")
+    parser = argparse.ArgumentParser(prog="python -m bench.force_recordings", description=__doc__)
+    parser.add_argument("folder", nargs="?", type=Path, default=Path("data/synthetic/forces"))
+    folder = parser.parse_args().folder
     folder.mkdir(parents=True, exist_ok=True)
     for k, feed in enumerate(FEEDS):
         write(folder / f"slot_f{feed:.0f}.csv", recording(Slot(), feed, k + 1))

@@ -89,7 +89,7 @@ def _section_words(number: int, view: View) -> str:
     lead = f", led by {view.lead / DEG:.0f}°" if view.lead else ""
     return (
         f"Pass {number}: the laser's rays in the section, {view.elevation / DEG:.0f}° above the normal of the root "
-        f"face (dash-dotted){lead}. Coloured: faces that it measures; dotted: those that it does not."
+        f"face (dash-dotted){lead}. Coloured: faces that it measures; dotted: those that it does not"
     )
 
 

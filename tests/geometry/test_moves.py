@@ -39,6 +39,20 @@ def test_a_line_along_which_the_tool_turns_holds_for_another_point_of_the_tool()
     assert 0.008 < off.max() < 0.0101
 
 
+@pytest.mark.parametrize(("degrees", "moves"), [(4.0, 0), (4.5, 1), (165, 1), (175, 2), (355, 3)])
+def test_sweeps_of_arcs_are_limited_and_their_middles_are_the_paths(degrees: float, moves: int) -> None:
+    def ring(a):
+        turned = Rotation.from_rotvec(a[:, None] * [[0, 0, 1]]).as_quat(scalar_first=True)
+        return 3000.0 * np.stack([np.cos(a), np.sin(a), 0 * a], axis=1), turned
+
+    a = np.linspace(0, degrees * DEG, 4000)
+    targets, circular, via, via_turn = merge(*ring(a))
+    assert circular.sum() == moves
+    position, quaternion = ring(0.5 * (a[targets[:-1]] + a[targets[1:]])[circular[1:]])
+    np.testing.assert_allclose(via[circular], position, atol=1e-6)
+    np.testing.assert_allclose(np.abs((via_turn[circular] * quaternion).sum(axis=1)), 1.0, atol=1e-9)
+
+
 def test_a_turn_on_the_spot_is_kept() -> None:
     position = np.array([[0.0, 0, 0], [10, 0, 0], [10, 0, 0], [20, 0, 0]])
     turned = [np.cos(20 * DEG), np.sin(20 * DEG), 0, 0]

@@ -41,6 +41,7 @@ VIEWS: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any]]] = {  # p
         {"motion": "stream"},
         {"z_away": False, "zero_range_mm": 170},
     ),
+    "without noise": ({}, {}, {"noise": {"sd_mm": 0.0}}),
     "shaken": ({}, {}, {}),
 }
 
@@ -127,7 +128,7 @@ def test_root_face_and_bevel_angle_are_those_of_the_recipe(view: str) -> None:
     assert np.abs(bevel / found.edge.bevel.u).max() < 3.0
 
 
-RAW = [one for one in VIEWS if "below" not in one and one not in ("square to the root face", "oblique")]
+RAW = [one for one in VIEWS if "below" not in one and one != "square to the root face"]
 
 
 STEADY = [(view, kind) for kind, views in (("milled", VIEWS), ("raw", RAW)) for view in views if view != "shaken"]

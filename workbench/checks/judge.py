@@ -395,7 +395,7 @@ def _longest_run(on: Bool) -> int:
 
 
 def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:
-    traces = sensor_traces(recording.z_mm, recording.pass_index)
+    traces = sensor_traces(recording.x_mm, recording.z_mm, recording.pass_index)
     step = step_mm(some(recording.z_mm))
     told = f"ranges are rounded to {step:.3g} mm: export them at full resolution"
     yield check("range_step_mm", step, told, given=given)

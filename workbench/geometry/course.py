@@ -262,7 +262,7 @@ def _fit(
     noise_factor = max(noise_factor, 1.0) if stated else noise_factor
     alone = 1.0 if stated else noise_factor  # a bin of one value scatters as the value does
     frame_factor = alone if math.isnan(bins.frame_factor) else bins.frame_factor
-    weight = 1.0 / (bins.variance * noise_factor)
+    weight = 1.0 / (bins.variance * noise_factor + (process.least_variance if process else 0.0))
     knots = _knots(values.s, 2.0 * bin_mm)  # bins end before the values do, and outliers have a place
     trend = _trend(bins, weight, orders[0])  # what no prior holds back; taken off, since sums of squares lose digits
     inside = np.clip(bins.s, knots[3], knots[-4])
@@ -375,7 +375,8 @@ def _few_priors(
     values: Values, bins: Bins, noise_factor: float, orders: tuple[int, int], process: Process | None
 ) -> tuple[Penalised | Correlated, Float, Float, Float, Float]:
     """The equations of the bins' first component y (b,), some strengths (j, 2) of all, and the bins' s, y, weight."""
-    weight, knots = 1.0 / (bins.variance * noise_factor), _knots(values.s, 2.0 * values.width_mm)
+    least = process.least_variance if process else 0.0
+    weight, knots = 1.0 / (bins.variance * noise_factor + least), _knots(values.s, 2.0 * values.width_mm)
     s, trend = np.clip(bins.s, knots[3], knots[-4]), _trend(bins, weight, orders[0])
     y, covariance, hidden = (bins.y - trend(bins.s))[:, :1], None, 0.0
     if process:

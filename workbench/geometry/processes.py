@@ -12,6 +12,8 @@ import scipy
 from workbench.geometry.penalised import BAND, Penalised
 from workbench.units import Float, Int, Shaped
 
+LEAST = 1e-3  # of a process is each value's own: values without noise leave no matrix that can be factored
+
 
 class Process(NamedTuple):
     """A stationary Gaussian process of the arc length, each pass its own: correlation exp(-(d / length)^2 / 2).
@@ -35,6 +37,11 @@ class Process(NamedTuple):
             wide = length**2 + spread2
             out += strength**2 * length / np.sqrt(wide) * np.exp(-0.5 * apart2 / wide)
         return np.asarray(np.where(group[:, None] == group, out, 0.0))
+
+    @property
+    def least_variance(self) -> float:
+        """Of the noise of values beside it."""
+        return sum((LEAST * strength) ** 2 for strength, _ in self._each())
 
     def slope_u(self, over_mm: float) -> float:
         """Standard deviation of its rise over a way, by that way; of a long process that of its slope.

@@ -27,7 +27,7 @@ LEAST_PAIRS = 500
 UNEVEN_SHARE = 0.02
 BENT = 4.0  # median bends: an outlier that was averaged enters and leaves the mean by a smaller one
 STRAIGHT, LEAST_NOISE_MM = 1.4, 1e-6  # median misfits: a bent, broken or rough piece has more; held values have less
-ROUNDED = 4.0  # steps of float32: second differences of ranges without noise
+ROUNDED, NO_NOISE_MM = 4.0, 3e-5  # second differences of ranges without noise: steps of float32, or less than any has
 QUIET_MM = 1e-3  # second differences of lateral places then: with axes swapped the noise is in these
 THIRD_OF_NOISE = 0.6745 * math.sqrt(20.0)  # median of 1, -3, 3, -1, of noise of 1: rays in a fan bend a steep face
 EVEN = 0.05  # by how much steps that are alike differ
@@ -65,7 +65,7 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     """Look at some frames of lateral places and ranges (N, M) of passes (N,); without any noise there is no trace."""
     rows, series = some(z_mm), _series(z_mm, pass_index)
     step, rounding = step_mm(rows), ROUNDED * float(np.spacing(np.float32(np.nanmax(np.abs(rows), initial=0.0))))
-    if max(_bends(rows), step) < rounding and _bends(some(x_mm)) < QUIET_MM:
+    if max(_bends(rows), step) < max(rounding, NO_NOISE_MM) and _bends(some(x_mm)) < QUIET_MM:
         return SensorTraces(0.0, 0.0, 0.0)
     z, many = rows.astype(np.float64), some(z_mm, MANY).astype(np.float64)
     digit = _digit(many, step)

@@ -1,14 +1,28 @@
-"""What patches of a cloud without a grid show."""
+"""Which points of a slice are seen, and what patches of a cloud without a grid show."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from workbench.geometry.gridless import traces, two_sheets
+from workbench.geometry.curves import fit_curve
+from workbench.geometry.gridless import cut, lay_out, traces, two_sheets
 from workbench.units import Float
 
 NOISE_MM = 0.012
+
+
+def test_a_cell_of_a_slice_keeps_what_lies_in_front():
+    rng = np.random.default_rng(2)
+    s, x, behind = rng.uniform(0, 40, 60_000), rng.uniform(-3, 3, 60_000), rng.random(60_000) < 0.3
+    at = np.arange(-10.0, 50.0, 0.25)
+    course = fit_curve(np.outer(at, [1.0, 0, 0]), at + 10)
+    laid = lay_out(np.stack([s, x, np.where(behind, -4.0, 0.2 * x)], axis=1), course, s + 10)
+    x, z, _ = cut(laid, np.array([0.0, 0.0, -1.0]), np.arange(12.0, 48.0, 0.4), 0.4, 0.1)
+    kept = np.isfinite(x)
+    front = z[kept] < 2.0
+    assert front.mean() > 0.95, "what lies 4 mm behind shows through gaps only"
+    np.testing.assert_allclose(np.abs(z[kept][front]), 0.2 * np.abs(x[kept][front]), atol=2e-3)
 
 
 def lines(rng: np.random.Generator, tangent: float, start_mm: float, pitch_mm: float = 0.2) -> Float:

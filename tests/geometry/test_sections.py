@@ -1,4 +1,4 @@
-"""Oblique frames in the section plane: how far noise turns a face there (angle and place themselves: tests/laws)."""
+"""Oblique frames in the section plane: how far noise turns a face there, and its bow (angle and place: tests/laws)."""
 
 from __future__ import annotations
 
@@ -17,6 +17,28 @@ def arc() -> Curve:
     """Round the z axis, arc length 0 at angle -10 mm / RADIUS_MM."""
     u = np.arange(-10, 60, 0.25) / RADIUS_MM
     return fit_curve(RADIUS_MM * np.stack([np.sin(u), -np.cos(u), 0 * u], axis=1), u * RADIUS_MM + 10)
+
+
+@pytest.mark.parametrize("oblique_deg", [-15.0, 15.0])
+def test_on_an_arc_the_bow_of_an_oblique_frame_is_taken_back(oblique_deg: float) -> None:
+    """The centroid of an oblique frame's points lies behind the end face of a round edge; the place does not."""
+    u, oblique = 20.0 / RADIUS_MM, np.radians(oblique_deg)
+    outward, tangent = np.array([np.sin(u), -np.cos(u), 0.0]), np.array([np.cos(u), np.sin(u), 0.0])
+    down = -np.cos(oblique) * np.array([0.0, 0.0, 1.0]) - np.sin(oblique) * tangent
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([down, np.cross(-outward, down), -outward], axis=1)
+    pose[:3, 3] = (RADIUS_MM + 100.0) * outward
+    x = np.linspace(-8.0, 0.0, 81)
+    z = RADIUS_MM + 100.0 - np.sqrt(RADIUS_MM**2 - (x * np.sin(oblique)) ** 2)
+    dx, dz = x - x.mean(), z - z.mean()
+    sums = np.array([[x.mean(), z.mean(), dx @ dx, dx @ dz, dz @ dz]]).T
+    lines, curve, one = FaceLines(np.array([81]), *sums, np.zeros((1, 2), int)), arc(), np.ones(1)
+    made = section_lines(lines, lines.sxz / lines.sxx, pose[None], one, 0.01 * one, curve, 30.0 * one)
+    _, a, b = curve.frame(made.s)
+    spot = curve.position(made.s) + made.place[:, :1] * a + made.place[:, 1:] * b
+    centroid = pose[:3] @ [x.mean(), 0.0, z.mean(), 1.0]
+    assert np.hypot(*centroid[:2]) < RADIUS_MM - 5e-4
+    assert np.hypot(*spot[0, :2]) == pytest.approx(RADIUS_MM, abs=5e-5)
 
 
 def test_variances_are_those_of_noisy_points() -> None:

@@ -42,7 +42,9 @@ from workbench.export import inspection as export_inspection
 from workbench.export import qdas, qif, sections
 
 Q = {"q": "http://qifstandards.org/xsd/qif3"}
-RUN = Provenance("t", (("recording", "part 7.h5", "ab12"),), {}, {}, 0)
+RUN = Provenance(
+    "t", (("hand_eye", "h.json", "00"), ("recording", "part 7.h5", "ab12"), ("cell", "c.json", "01")), {}, {}, 0
+)
 U, TOLERANCE = 0.01, (-0.25, 0.5)
 OFF = {"pass": 0.1, "fail": 1.0, "undecided": 0.5, "hidden": np.nan, "nothing required": 0.1}  # from nominal
 AXES = np.eye(3)

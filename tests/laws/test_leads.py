@@ -38,3 +38,18 @@ def test_a_lead_turns_nothing(elevation_deg: int, leads_deg: tuple[int, ...]) ->
     assert np.median(found.bevel.u[on]) < 1.3 * np.median(square.bevel.u[square.seen])
     for size, true in ((found.root, truth.root_mm), (found.bevel, truth.bevel_deg)):
         assert np.abs((size.value[on] - true[near]) / size.u[on]).max() < 2.5
+
+
+@pytest.mark.parametrize("oblique_deg", [20, -20])
+def test_an_oblique_pass_shifts_neither_the_lower_edge_nor_the_root_face(oblique_deg: int) -> None:
+    """Of a twisted edge whose root face grows, so that the line of the corners is not parallel to the lower edge."""
+    part = {**DOCUMENT["part"], "thickness_mm": 12, "root_mm": {"start": 2, "end": 4}}
+    passes = [{**WAY, "elevation_deg": -20, "oblique_deg": oblique_deg}]
+    scanner = {"noise": {"sd_mm": 0.003}}
+    recipe = {**DOCUMENT, "part": part, "scanner": scanner, "robot": {}, "seed": 5, "passes": passes}
+    recording, truth = simulate_recording(parse_recipe(recipe, "oblique"))
+    found = edge.segment(cloud.denoise(scan.fuse(recording)))
+    off = found.position_mm[found.seen] - truth.position_mm[0]
+    root_mm = np.interp(off @ truth.tangent[0], truth.arc_length_mm, truth.root_mm)
+    assert abs(np.mean(found.root.value[found.seen] - root_mm)) < 0.002
+    assert abs(np.mean(off @ truth.across[0])) < 0.003

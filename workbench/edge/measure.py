@@ -22,7 +22,7 @@ from workbench.errors import InputError
 from workbench.geometry.course import BIN_MM, LEAST_BINS, Course, fit_course
 from workbench.geometry.curves import Curve, along_motion, fit_curve
 from workbench.geometry.processes import Shared
-from workbench.geometry.sections import SectionLines, on_line, section_lines
+from workbench.geometry.sections import SectionLines, crossing, on_line, section_lines
 from workbench.geometry.silhouette import EndCourse, Ends, find_end, settled
 from workbench.units import Bool, Float, Int, Shaped
 
@@ -269,7 +269,7 @@ def _state(
     of = few or slice(None)
     faces = _directions(cloud, tracked, curve, s, turns, few)
     root, none = faces.root, np.zeros_like(s)
-    made = _corner(faces, s, *face_angles(faces, np.where(np.isfinite(s), s, 0.0)), none, none)
+    made = _corner(faces, s, none, none)
     ends, agreed = _whole(cloud, tracked, root_ends(cloud, tracked, curve, root, faces.bevel, made, s), made, broken)
     safe = np.where(np.isfinite(made.upper_s), made.upper_s, 0.0)
     middle, spread = ends.low + 0.5 * ends.step, ends.sigma**2 + ends.step**2 / 12.0 + 1e-8
@@ -277,7 +277,7 @@ def _state(
     if not np.isfinite(made.upper_s[shows] + middle[shows]).any():
         raise np.linalg.LinAlgError("the faces' lines meet nowhere near the frames")
     course = fit_course(made.upper_s[shows], middle[shows], spread[shows], cloud.pass_index[shows])
-    made = _corner(faces, s, made.tilt, made.beta, course.value(safe), course.slope(safe))
+    made = _corner(faces, s, course.value(safe), course.slope(safe))
     end = said = None
     if few is None:
         ends, agreed = _whole(
@@ -287,15 +287,16 @@ def _state(
         said = readings(end.s, end.middle, end.middle_u, end.course.at_mm, end.course)
         course = said.moved(end.course)
         end = replace(end, course=course)
-        made = _corner(faces, s, made.tilt, made.beta, course.value(safe), course.slope(safe))
+        made = _corner(faces, s, course.value(safe), course.slope(safe))
     upper_s, up = made.upper_s, made.up
     safe = np.where(np.isfinite(upper_s), upper_s, 0.0)
     size = course.value(safe)
-    _, a, b = curve.frame(safe)
+    s_low = upper_s - root.run * size  # an oblique frame ends there, and the first curve is not parallel to the edge
+    low = np.where(np.isfinite(s_low), s_low, 0.0)
+    _, a, b = curve.frame(low)
     spot = on_line(root.place, made.tilt, up - size)
-    lower_edge = curve.position(safe) + spot[:, :1] * a + spot[:, 1:] * b
+    lower_edge = curve.position(low) + spot[:, :1] * a + spot[:, 1:] * b
     lower_edge[~np.isfinite(upper_s)] = np.nan
-    s_low = upper_s - root.run * size
     shift = float(np.nanmin(s_low))
     measured = Measured(
         curve,
@@ -325,33 +326,40 @@ def _whole(
     return replace(ends, low=ends.low + agreed.beyond_mm), agreed
 
 
-def _corner(faces: Faces, s: Float, tilt: Float, beta: Float, size: Float, size_slope: Float) -> FaceCorner:
-    """The corner where the root face has a size (N,) that changes by `size_slope` (N,); about which angles, rad.
+def _corner(faces: Faces, s: Float, size: Float, size_slope: Float) -> FaceCorner:
+    """The corner where the root face has a size (N,) that changes by `size_slope` (N,).
 
     An oblique frame sees each point of a face at another arc length, where the face has turned (eq. (7)).
     """
     root, bevel = faces.root, faces.bevel
-    turn = face_turns(faces, s)
-    along, ahead = np.cos(tilt), np.sin(tilt)  # direction of the root face, ...
-    run, rise = np.cos(tilt - beta), np.sin(tilt - beta)  # ... and of the bevel face
-    da, db = (bevel.place - root.place).T
-    sine, cosine = ahead * run - along * rise, along * run + ahead * rise  # of the angle between them
-    lever = np.hypot(da, db) - 0.5 * size
-    # How far the faces' middles turn out of the section at s, less the bow of their lines; sizes are those at corners.
-    root_moves, bevel_moves = 0.5 * size * turn[0], size * turn[0] * cosine + lever * turn[1]
+    turn, at = face_turns(faces, s), np.where(np.isfinite(s), s, 0.0)
+    tilt, beta = face_angles(faces, at)
+    _, lever = _crossed(root.place, tilt, bevel.place, beta)
+    # By how much the faces' middles move across their lines, a mm along the edge; the bevel's also as the size changes.
+    root_moves, bevel_moves = 0.5 * size * turn[0], size * turn[0] * np.cos(beta) + lever * turn[1]
+    resized = size_slope * np.sin(beta)
+    turns = np.stack([root.run * root_moves, bevel.run * (resized + bevel_moves)])
+    left = (between(face.s, of, at) for face, of in zip((root, bevel), turns - faces.turns, strict=True))
+    tilt, beta = face_angles(faces, at, *left)
+    # Both lines in the section at s, less the bow of the faces; but the size is the corner's own.
     root_off = turn[0] * root.run * root.spread + (root.s - s) * root_moves
-    bevel_off = turn[1] * bevel.run * bevel.spread + (bevel.s - s) * bevel_moves
-    da, db = da + bevel_off * rise - root_off * ahead, db - bevel_off * run + root_off * along
-    up = (db * run - da * rise) / sine
+    bevel_off = turn[1] * bevel.run * bevel.spread + (bevel.s - s) * bevel_moves + bevel.run * lever * resized
+    root_place, bevel_place = _moved(root.place, tilt, root_off), _moved(bevel.place, tilt - beta, bevel_off)
+    up, lever = _crossed(root_place, tilt, bevel_place, beta)
+    return FaceCorner(tilt, beta, up, root.s + root.run * up, lever, turns)
+
+
+def _crossed(root_place: Float, tilt: Float, bevel_place: Float, beta: Float) -> tuple[Float, Float]:
+    """Distances (N,) of the corner from places on both lines (N, 2), mm."""
+    up = crossing(root_place, tilt, bevel_place, tilt - beta)
     far = np.abs(up) > max(FAR_MM, FAR_TIMES * float(np.nanmedian(np.abs(up))))
     up = np.where(far, np.nan, up)  # where the courses run parallel, beyond clamps, corners lie anywhere
-    lever = np.hypot(da - up * along, db - up * ahead)
-    root_turn = root.run * root_moves
-    bevel_turn = bevel.run * (size_slope * sine + size * turn[0] * cosine + lever * turn[1])
-    at = np.where(np.isfinite(s), s, 0.0)
-    turns = np.stack([root_turn, bevel_turn])
-    left = (between(face.s, of, at) for face, of in zip((root, bevel), turns - faces.turns, strict=True))
-    return FaceCorner(*face_angles(faces, at, *left), up, root.s + root.run * up, lever, turns)
+    return up, np.linalg.norm(bevel_place - on_line(root_place, tilt, up), axis=1)
+
+
+def _moved(place: Float, angle: Float, off: Float) -> Float:
+    """Places (N, 2) on lines, taken back by what these stand off to their left (N,)."""
+    return np.asarray(place - off[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1))
 
 
 def face_angles(

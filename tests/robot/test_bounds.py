@@ -176,6 +176,9 @@ def test_what_tool_and_part_may_be_off_keeps_their_bodies_farther_apart(cell: Ce
     """By hand: the clearance, and twice what either is off; links of the robot are where its joints say."""
     rng = np.random.default_rng(7)
     q = rng.uniform(cell.chain.limits[:, 0], cell.chain.limits[:, 1], (300, 6))
+    end = max(i for i, shape in enumerate(cell.shapes) if shape.body == "tool")
+    cutter = dataclasses.replace(cell.shapes[end], body="cutter")
+    cell = dataclasses.replace(cell, shapes=(*cell.shapes[:end], cutter, *cell.shapes[end + 1 :]))
     unsure = dataclasses.replace(
         cell, margin_mm=10.0, margins=dataclasses.replace(cell.margins, flange_mm=30, part_mm=40)
     )
@@ -184,7 +187,9 @@ def test_what_tool_and_part_may_be_off_keeps_their_bodies_farther_apart(cell: Ce
     for one, hit in zip(q, judged, strict=True):
         near = set()
         for gap in CollisionModel(cell).gaps(one):
-            off = np.hypot(30.0 * ("tool" in gap.pair), 40.0 * bool(around.intersection(gap.pair)))
+            off = np.hypot(
+                30.0 * bool({"tool", "cutter"}.intersection(gap.pair)), 40.0 * bool(around.intersection(gap.pair))
+            )
             if gap.distance_mm < 10 + 2 * off:
                 near.add(gap.pair)
         assert (hit == FREE) == (not near)

@@ -31,7 +31,7 @@ from workbench.checks import (
 )
 from workbench.checks.judge import refuse_failed
 from workbench.checks.motion import Consistency, consistency
-from workbench.checks.sensor import quaternion_step
+from workbench.checks.sensor import quaternion_step, sensor_traces
 from workbench.checks.window import as_delivered
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from
@@ -214,6 +214,14 @@ def test_a_filter_that_leaves_long_periods_is_seen(condition: str, sigma: float)
     r = good(condition)
     z = gaussian_filter1d(r.z_mm.astype(float), sigma, axis=1).astype("f4")
     assert "smoothing filter" in failed(spoilt(r, z_mm=z))["mean_columns"]
+
+
+def test_a_filter_is_seen_of_ranges_that_float32_rounds_coarsely() -> None:
+    """What it leaves between neighbours is less than a step of them: that is no sensor without noise."""
+    r = good()
+    far = (gaussian_filter1d(r.z_mm.astype(float), 5.0, axis=1) + 650.0).astype("f4")
+    traces = sensor_traces(r.x_mm, far, r.pass_index)
+    assert traces.mean_columns > 5.0
 
 
 def test_a_few_returns_show_no_filter() -> None:

@@ -27,7 +27,7 @@ LEAST_PAIRS = 500
 UNEVEN_SHARE = 0.02
 BENT = 4.0  # median bends: an outlier that was averaged enters and leaves the mean by a smaller one
 STRAIGHT, LEAST_NOISE_MM = 1.4, 1e-6  # median misfits: a bent, broken or rough piece has more; held values have less
-ROUNDED, NO_NOISE_MM = 4.0, 3e-5  # second differences of ranges without noise: steps of float32, or less than any has
+ROUNDED, NO_NOISE_MM = 4.0, 3e-5  # misfits without noise: steps of float32, or less than what any filter leaves of one
 QUIET_MM = 1e-3  # second differences of lateral places then: with axes swapped the noise is in these
 THIRD_OF_NOISE = 0.6745 * math.sqrt(20.0)  # median of 1, -3, 3, -1, of noise of 1: rays in a fan bend a steep face
 EVEN = 0.05  # by how much steps that are alike differ
@@ -62,14 +62,14 @@ class SensorTraces:
 
 
 def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTraces:
-    """Look at some frames of lateral places and ranges (N, M) of passes (N,); without any noise there is no trace."""
+    """Look at some frames of lateral places and ranges (N, M) of passes (N,); without noise no mean leaves a trace."""
     rows, series = some(z_mm), _series(z_mm, pass_index)
-    step, rounding = step_mm(rows), ROUNDED * float(np.spacing(np.float32(np.nanmax(np.abs(rows), initial=0.0))))
-    if max(_bends(rows), step) < max(rounding, NO_NOISE_MM) and _bends(some(x_mm)) < QUIET_MM:
-        return SensorTraces(0.0, 0.0, 0.0)
     z, many = rows.astype(np.float64), some(z_mm, MANY).astype(np.float64)
-    digit = _digit(many, step)
+    digit = _digit(many, step_mm(rows))
     mean, pieces = moving_mean(z), _straight_pieces(z)
+    least = ROUNDED * float(np.spacing(np.float32(np.nanmax(np.abs(z), initial=0.0))))
+    if len(pieces) and np.median(pieces.std(axis=1)) < max(least, NO_NOISE_MM) and _bends(some(x_mm)) < QUIET_MM:
+        return SensorTraces(0.0, 0.0, _filled_share(many, digit))
     if len(pieces) >= LEAST_PIECES and fading(pieces, digit) < FILTERED:  # smoothed: by how far neighbours are alike
         level = _off_trend(pieces, CURVED)
         alike = _by_lag(level, np.ones(level.shape, bool), LAGS + 1)

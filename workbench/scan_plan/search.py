@@ -67,7 +67,7 @@ class Reach(NamedTuple):
     short: int  # that miss what is wanted, those included
     excess: float  # largest of what they promise over what is wanted, where that is more
     seconds: float
-    leads: int  # passes that lean along the edge: a twist along it counts there, which no nominal joint has
+    leads: int  # passes that lean along the edge, where errors of the robot along it count and shadows end aslant
     left: float  # product of promised over wanted U of both sizes, at most: of two sets as good the one that tells more
 
 

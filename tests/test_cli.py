@@ -102,10 +102,17 @@ def test_bad_arguments(command: Any, pipeline: Path, tmp_path: Path, arguments: 
         ("inspect_groove", 'nominal={"gap_mm": 2}', "lower <= 0 <= upper"),
         ("plan_bevel", "upper_side=[0, 0, 0]", "expected a direction, of any length but 0, got [0, 0, 0]"),
         ("plan_bevel", 'scan.fuse.limits={"step_shar": 1}', "no such check; did you mean 'step_share'?"),
+        (
+            "inspect_bevel",
+            'edge.segment.limits={"range_mm": 1}',
+            "judged by this stage, but by scan.fuse: set it there",
+        ),
+        ("plan_bevel", "v_slow_mm_s=30", "the v_slow_mm_s of path.layers, 30, got 20: are the two swapped?"),
+        ("measured_loop", "v_slow_mm_s=30", "the v_slow_mm_s of first_layers, 30, got 20: are the two swapped?"),
     ],
 )
 def test_a_value_is_judged_and_its_likeliest_slip_asked_for_before_anything_runs(command, shipped, given, found):
-    option = "--set" if given.startswith("scan.") else "--input"
+    option = "--set" if ".limits" in given else "--input"
     got = command("validate", Path(__file__).parents[1] / "pipelines" / f"{shipped}.json", option, given)
     assert (got.status, got.out) == (2, "")
     assert "stages[" in got.err

@@ -43,6 +43,15 @@ Seed = Annotated[int, Role.SEED]
 Progress = Annotated[Callable[[float], None] | None, Role.PROGRESS]
 """`progress(fraction)` with 0 <= fraction <= 1, called by a long stage now and then; None: nobody looks."""
 
+
+@dataclass(frozen=True)
+class AtLeast:
+    """Marks a parameter that may not be below another: the one of this name of the stage that made its artefact."""
+
+    name: str
+    made: type  # the artefact whose stages are followed back
+
+
 RESERVED = ("stage", "id", "from", "write")  # keys of a stage in a pipeline that are not parameters
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -104,6 +113,12 @@ class Stage:
         """Keyword-only parameters and their roles."""
         names = [name for name, _ in self._signature(inspect.Parameter.KEYWORD_ONLY)]
         return {name: next(_roles(self.hints[name]), None) for name in names}
+
+    @functools.cached_property
+    def floors(self) -> dict[str, AtLeast]:
+        """What parameters may not be below, by name."""
+        marks = {name: getattr(self.hints[name], "__metadata__", ()) for name in self.parameters}
+        return {name: one for name, several in marks.items() for one in several if isinstance(one, AtLeast)}
 
     @functools.cached_property
     def model(self) -> type[BaseModel]:

@@ -124,6 +124,18 @@ def test_what_all_parts_share_is_refused_at_once(pipeline: Path, record: Write, 
         run_batch(pipeline, [one], str(out))
 
 
+@pytest.mark.parametrize("name", ["fleet.html", "fleet.parquet"])
+def test_a_file_in_the_fleet_s_place_that_no_batch_has_written_stays(pipeline, record: Write, tmp_path, name: str):
+    one, out = record("a"), tmp_path / "out"
+    for _ in range(2):  # its own is replaced
+        run_batch(pipeline, [one], str(out), workers=0)
+    (out / name).write_text("<title>Our fleet</title>")
+    with pytest.raises(OutputError, match=rf"{name}: no batch has written it, and this one would; move it"):
+        run_batch(pipeline, [one], str(out), workers=0)
+    assert (out / name).read_text() == "<title>Our fleet</title>"
+    assert (out / "a" / "run.json").exists()
+
+
 def test_two_batches_do_not_share_a_folder(pipeline: Path, record: Write, tmp_path: Path) -> None:
     from workbench.pipeline.output import locked
 

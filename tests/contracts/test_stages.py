@@ -17,6 +17,8 @@ import pytest
 from pydantic_core import to_jsonable_python
 
 from tests.contracts.conftest import values
+from workbench.checks.limits import LIMITS, OF_EDGES
+from workbench.errors import PipelineError
 from workbench.pipeline.catalogue import every_stage, families, parameter_texts, said_in_docstring, summary, unit_of
 from workbench.pipeline.run import run_files
 from workbench.result_files import RESULT_FILES
@@ -83,6 +85,25 @@ def test_parameters_round_trip_through_json(stage: Stage, called: Any) -> None:
     given = {name: one for name, one in called(stage).given.items() if name in known}
     text = json.dumps(to_jsonable_python(given), allow_nan=False)
     assert stage.validate(json.loads(text)) == given
+
+
+SELDOM = {"pass_disagreement_mm", "not_confirmed", "fillet_misfit_mm", "land_tilt_deg"}  # of some recordings only
+
+
+@pytest.mark.parametrize("name", ["scan.fuse", *OF_EDGES])
+@pytest.mark.usefixtures("in_the_project")
+def test_a_stage_takes_limits_of_the_checks_that_it_makes_and_of_no_other(name: str, called: Any) -> None:
+    given, made = called(stage := STAGES[name])
+    parameters = {name: one for name, one in given.items() if name in stage.model.model_fields}
+    before = {check.name for one in given.values() for check in getattr(one, "checks", ())}
+    for check, limit in LIMITS.items():
+        try:
+            stage.validate(parameters | {"limits": {check: limit.bound}})
+            taken = True
+        except PipelineError as error:
+            taken = "not judged by this stage" not in str(error)
+        if check not in SELDOM:
+            assert taken == (check in {one.name for one in made.checks} - before), check
 
 
 SILENT = {"scan.next"}  # of a part that is decided there is nothing to tell

@@ -73,6 +73,28 @@ def test_failure_inside_a_stage_is_one_line_with_its_cause(demo_document: Doc, t
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("where", ["edge", "demo.refuse", "demo.refuse.depth_mm", "FILE: line 3"])
+def test_what_a_stage_refuses_is_found_by_a_file(demo_document: Doc, tmp_path: Path, where: str) -> None:
+    @stage("demo.refuse")
+    def refuse(pose: HandEye) -> HandEye:
+        """Refuse."""
+        raise InputError(where.replace("FILE", str(tmp_path / "part.txt")), "expected more")
+
+    demo_document["stages"].insert(1, {"stage": "demo.refuse"})
+    with pytest.raises(InputError) as caught:
+        Pipeline(demo_document, base_dir=tmp_path).run()
+    place, stands = (
+        {
+            "edge": ": edge",
+            "demo.refuse": "",
+            "demo.refuse.depth_mm": ": depth_mm",
+            "FILE: line 3": None,
+        }[where],
+        f"{tmp_path / 'part.txt'}: line 3",
+    )
+    assert str(caught.value) == f"{stands if place is None else f'pipeline: demo.refuse{place}'}: expected more"
+
+
 @pytest.mark.parametrize("when", [0, 1])
 @pytest.mark.parametrize("how", ["written", "replaced", "removed"])
 def test_recording_that_changes_during_the_run(demo_document: Doc, tmp_path: Path, how: str, when: int) -> None:

@@ -106,7 +106,8 @@ def _same(one: str, other: str) -> bool:
 
 
 TIME_LIMIT_S = 600.0
-FLEET_FILES = ("fleet.html", "fleet.parquet")
+# And what those that a batch has written have in them.
+FLEET_FILES = {"fleet.html": b"<title>Fleet: ", "fleet.parquet": b"section_verdict"}
 
 
 @shown
@@ -251,8 +252,13 @@ def _reserved(out: str) -> Iterator[None]:
                 raise OutputError("''", "expected the name of a folder ('.' for this one)")
             folder.mkdir(parents=True, exist_ok=True)
             held.enter_context(locked(folder))
-            for name in FLEET_FILES:
-                (folder / name).unlink(missing_ok=True)
+            old = [folder / name for name in FLEET_FILES if (folder / name).exists()]
+            for path in old:
+                if FLEET_FILES[path.name] not in path.read_bytes():
+                    why = "no batch has written it, and this one would; move it, or choose another --out"
+                    raise OutputError(str(path), why)
+            for path in old:
+                path.unlink()
         except BusyError:
             raise OutputError(out, "another batch is writing there; wait for it, or choose another --out") from None
         except OSError as error:

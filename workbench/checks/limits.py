@@ -349,19 +349,46 @@ def least(name: str) -> float:
     return bound[0] if isinstance(bound, tuple) else float("-inf")
 
 
-def _checked(given: dict[str, Bound]) -> dict[str, Bound]:
-    """Limits that a user sets; ValueError: no such check, or not a number (two, where the check has two)."""
-    for name, value in given.items():
-        if name not in LIMITS:
-            raise ValueError(f"{name}: {GONE.get(name, f'no such check{nearest(name, LIMITS)}')}")
-        bound = LIMITS[name].bound
-        if isinstance(bound, tuple) != isinstance(value, tuple):
-            usual = f"two numbers, such as {list(bound)}" if isinstance(bound, tuple) else "a number"
-            raise ValueError(f"{name}: expected {usual}")
-    return given
+# What stages of edges judge; the rest is judged of a recording.
+OF_EDGES = {
+    "edge.segment": "complement_nearer_deg corner_stands_out_mm edge_break_mm end_step_columns face_bend_deg face_bow "
+    "found_share goes_on_share readings_apart root_columns root_over_nominal root_seen_share step_share "
+    "two_plates_share",
+    "edge.segment_raw": "edge_break_mm end_face_lean_deg end_step_columns face_behind_share face_bend_deg face_bow "
+    "goes_on_share late_turn_deg step_share two_plates_share",
+    "edge.segment_groove": "agreement bevel_grazing face_bend_deg face_bow face_columns fillet_misfit fillet_radius_mm "
+    "found_share groove_compound groove_gap_mm groove_level root_face_lean_deg root_levels",
+    "edge.segment_preparation": "agreement corner_stands_out_mm edge_break_mm face_bend_deg face_bow face_columns "
+    "fillet_misfit_mm found_share land_tilt_deg root_columns root_extent_mm root_over_nominal root_seen_share "
+    "two_plates_share",
+}
 
 
-Limits: TypeAlias = Annotated[dict[str, Bound], AfterValidator(_checked)]  # of a stage's checks, set by name
+def judged_by(stage: str = "") -> AfterValidator:
+    """Limits that a user sets of a stage's checks; '': of those of a recording.
+
+    ValueError: no such check, none of this stage, or not a number (two, where the check has two).
+    """
+    of_edges = {name for names in OF_EDGES.values() for name in names.split()}
+    own = set(OF_EDGES[stage].split()) if stage else LIMITS.keys() - of_edges
+
+    def checked(given: dict[str, Bound]) -> dict[str, Bound]:
+        for name, value in given.items():
+            if name not in LIMITS:
+                raise ValueError(f"{name}: {GONE.get(name, f'no such check{nearest(name, LIMITS)}')}")
+            if name not in own:
+                others = [other for other, names in OF_EDGES.items() if name in names.split()] or ["scan.fuse"]
+                raise ValueError(f"{name}: not judged by this stage, but by {', '.join(others)}: set it there")
+            bound = LIMITS[name].bound
+            if isinstance(bound, tuple) != isinstance(value, tuple):
+                usual = f"two numbers, such as {list(bound)}" if isinstance(bound, tuple) else "a number"
+                raise ValueError(f"{name}: expected {usual}")
+        return given
+
+    return AfterValidator(checked)
+
+
+Limits: TypeAlias = Annotated[dict[str, Bound], judged_by()]  # of the checks of a recording, set by name
 
 
 def within(value: float | None, bound: Bound) -> bool:

@@ -7,7 +7,7 @@ from typing import Annotated, TypeAlias
 
 from pydantic import AfterValidator, Field
 
-from workbench import checks
+from workbench.checks.limits import Bound
 
 Vector: TypeAlias = tuple[float, float, float]
 
@@ -60,7 +60,7 @@ BevelNominal: TypeAlias = Annotated[
     float, Field(ge=20, le=70, description="expected bevel angle; only distinguishes the faces.")
 ]
 Limits: TypeAlias = Annotated[
-    checks.Limits,
+    dict[str, Bound],
     Field(
         description="limits of the checks of this stage by name (docs/checks.md); the results name one that passes "
         "only by a wider limit."

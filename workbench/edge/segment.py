@@ -16,6 +16,7 @@ from workbench.checks.end_face import edge_break_check
 from workbench.checks.faces import FURTHER, Shown, require_bevel, require_columns
 from workbench.checks.judge import refuse_failed
 from workbench.checks.levels import BEHIND
+from workbench.checks.limits import judged_by
 from workbench.checks.residuals import FaceAlong, late_of
 from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import end_step_check
@@ -96,7 +97,7 @@ def segment(
     sensor_dcc: InputFile | None = None,
     thermometer_dcc: InputFile | None = None,
     temperature_c: Annotated[float, Field(ge=-50, le=200)] | None = None,
-    limits: Limits = {},  # noqa: B006  (never changed)
+    limits: Annotated[Limits, judged_by("edge.segment")] = {},  # noqa: B006  (never changed)
 ) -> MilledEdge:
     """Find root face, bevel face and the lower edge of a milled edge (the paper's section 4.2, Fig. 8).
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 
 from workbench.artefacts import Check, Cloud, Groove, GrooveType
 from workbench.checks.faces import bows_check
 from workbench.checks.judge import refuse_failed
-from workbench.checks.limits import Bound, check
+from workbench.checks.limits import Bound, check, judged_by
 from workbench.checks.profiles import in_order
 from workbench.checks.window import hidden_columns_u
 from workbench.edge.groove_frames import ReadFrames, axes, groove_curve, read_frames
@@ -41,7 +41,7 @@ def segment_groove(
     robot_noise_mm: RobotNoiseOrUsual = USUAL_NOISE_MM,
     robot_noise_length_mm: RobotNoiseLength = None,
     sensor: InputFile | None = None,
-    limits: Limits = {},  # noqa: B006  (never changed)
+    limits: Annotated[Limits, judged_by("edge.segment_groove")] = {},  # noqa: B006  (never changed)
 ) -> Groove:
     """Find the groove between two plates: corners, bevels, gap, root faces, fillets.
 

@@ -23,7 +23,7 @@ from workbench.artefacts import (
 from workbench.checks.end_face import edge_break_check
 from workbench.checks.faces import bows_check, corners_checks, plates_check, require_columns
 from workbench.checks.judge import refuse_failed
-from workbench.checks.limits import Bound, check
+from workbench.checks.limits import Bound, check, judged_by
 from workbench.checks.profiles import in_order
 from workbench.edge.broken_end import broken_end, is_free_end, root_rim
 from workbench.edge.directions import near_slope, width_mm, wrapped
@@ -82,7 +82,7 @@ def segment_preparation(
     end_u_mm: EndU = 0.0,
     edge_condition: EdgeCondition = "unknown",
     sensor: InputFile | None = None,
-    limits: Limits = {},  # noqa: B006  (never changed)
+    limits: Annotated[Limits, judged_by("edge.segment_preparation")] = {},  # noqa: B006  (never changed)
 ) -> Preparation:
     """Find the prepared edge of one plate: a bevel, a compound bevel, a bevel with a land (nose), a J preparation.
 

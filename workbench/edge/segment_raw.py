@@ -29,6 +29,7 @@ from workbench.artefacts.quantities import root_sum_square
 from workbench.checks import refuse_failed
 from workbench.checks.end_face import edge_break_check, require_end_face
 from workbench.checks.faces import plates_check
+from workbench.checks.limits import judged_by
 from workbench.checks.residuals import FaceAlong, Late, every_second, late_check, late_of
 from workbench.checks.window import end_step_check
 from workbench.edge.broken_end import together_along
@@ -83,7 +84,7 @@ def segment_raw(
     robot_drift_u_mm: Annotated[float, Field(ge=0, le=5)] = 0.0,
     edge_condition: EdgeCondition = "unknown",
     sensor: InputFile | None = None,
-    limits: Limits = {},  # noqa: B006  (never changed)
+    limits: Annotated[Limits, judged_by("edge.segment_raw")] = {},  # noqa: B006  (never changed)
 ) -> RawEdge:
     """Find the end face of a raw edge, its lower and its upper edge (the paper's section 4.2, Fig. 8 a to e).
 

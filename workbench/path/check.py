@@ -41,7 +41,7 @@ from workbench.path.feed import from_edge, moves_in_order, standing
 from workbench.path.obstacles import find_foreign, sections_of
 from workbench.path.place import Points, place_of
 from workbench.path.plan import KEY_POINT_MM
-from workbench.stage import stage
+from workbench.stage import AtLeast, stage
 from workbench.synthetic.workpiece import Workpiece
 from workbench.units import DEG, Bool, Float
 
@@ -62,7 +62,7 @@ def check(
     correction: PathCorrection | None = None,
     workpiece: Workpiece | None = None,
     *,
-    v_fast_mm_s: Annotated[float | None, Field(gt=0, le=5000)] = None,
+    v_fast_mm_s: Annotated[float | None, Field(gt=0, le=5000), AtLeast("v_slow_mm_s", Toolpath)] = None,
     acceleration_mm_s2: Annotated[float, Field(gt=0, le=1e5)] = 50.0,
     penetration_mm: Annotated[float, Field(gt=0, le=2)] = PENETRATION_MM,
     rests_milled: bool = False,

@@ -18,7 +18,7 @@ from workbench.geometry.moves import limit_acceleration, step_lengths_mm
 from workbench.geometry.stations import Cuts, frame_stations, standing_layers
 from workbench.path.course import Bevel, Course, Poses, cutter_ends, finished, lower_course, poses_of
 from workbench.path.obstacles import sections_of
-from workbench.stage import stage
+from workbench.stage import AtLeast, stage
 from workbench.units import DEG, AnyArray, Bool, Float
 
 TANGENTS = 8  # that stand for a fillet: they leave it by 0.4 % of its radius at most
@@ -170,7 +170,7 @@ def feed(
     cloud: Cloud,
     edge: Edge,
     *,
-    v_fast_mm_s: Annotated[float, Field(gt=0, le=5000)] = 20.0,
+    v_fast_mm_s: Annotated[float, Field(gt=0, le=5000), AtLeast("v_slow_mm_s", Toolpath)] = 20.0,
     acceleration_mm_s2: Annotated[float, Field(gt=0, le=1e5)] = 50.0,
 ) -> Toolpath:
     """Plan the feed by the distance of the cutter's axis to the remaining stock: the paper's equation (26).

@@ -211,8 +211,11 @@ def _one_line_errors(step: Step, checked: Plan) -> Iterator[None]:
     where = f"{checked.document.name}: {step.id}"
     try:
         yield
-    except WorkbenchError:
-        raise
+    except WorkbenchError as error:
+        if Path(error.where.partition(": ")[0]).exists():
+            raise
+        place = error.where.removeprefix(step.stage.name).lstrip(".: ")  # what names no file is found by its stage
+        raise type(error)(f"{where}: {place}" if place else where, error.expected) from error
     except MemoryError as error:
         raise InputError(where, "not enough memory for this recording") from error
     except Exception as error:

@@ -136,7 +136,22 @@ def _step(
     for key in entry.get("from", {}):
         if key not in sources:
             raise PipelineError(f"{where}.from.{key}", f"{stage.name} takes no '{key}'{nearest(key, sources)}")
-    return Step(step_id, stage, sources, parameters, given, tuple(files), entry.get("write", True))
+    step = Step(step_id, stage, sources, parameters, given, tuple(files), entry.get("write", True))
+    _check_floors(step, {one.id: one for one in earlier}, where)
+    return step
+
+
+def _check_floors(step: Step, earlier: Mapping[str, Step], where: str) -> None:
+    """No parameter is below what an earlier stage on the way of the same artefact was given: v_fast below v_slow."""
+    for name, floor in step.stage.floors.items():
+        maker: Step | None = step
+        while maker and floor.name not in maker.parameters:
+            made = next((one.name for one in maker.stage.sources if one.type is floor.made), None)
+            maker = earlier[maker.sources[made][0]] if made else None
+        value = step.parameters[name]
+        if maker and value is not None and value < maker.parameters[floor.name]:
+            least = f"the {floor.name} of {maker.id}, {maker.parameters[floor.name]:g}"
+            raise PipelineError(f"{where}.{name}", f"expected at least {least}, got {value:g}: are the two swapped?")
 
 
 def _place(value: Any, base_dir: Path, name: str, files: list[InputRecord]) -> Any:

@@ -20,16 +20,6 @@ def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
     return [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows)]
 
 
-def not_met(short: Iterable[str]) -> str:
-    """The goals that were not reached, each "condition: goal", in one sentence by goal."""
-    missed: dict[str, list[str]] = {}
-    for one in short:
-        condition, _, goal = one.partition(": ")
-        missed.setdefault(goal, []).append(condition)
-    told = "; ".join(f"{goal} ({', '.join(where)})" for goal, where in missed.items())
-    return f"Not met: {told or 'nothing'}."
-
-
 def put_into(page: Path, text: str, marks: str = "tables") -> None:
     """Replace what stands between the page's marks of that name.
 

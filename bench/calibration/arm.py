@@ -14,8 +14,8 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from bench.calibration.faces import TRUE
+from bench.calibration.sphere_truth import circles_of
 from bench.harness import ROOT
-from bench.metrology.sphere_truth import circles_of
 from workbench.api import DEG, Chain, Float, estimator, inverse_kinematics, pose_from, read_cell
 from workbench.plugins.calibration.arm_errors import ArmErrors, arm_errors
 from workbench.plugins.calibration.model import Estimate, Noise

@@ -12,10 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.calibration.sphere_truth import cell_of, circles, recorded_poses
 from bench.drawn.spheres import random_sphere_recipe
 from bench.harness import ROOT
-from bench.metrology.calibration import recorded
-from bench.metrology.sphere_truth import cell_of, circles
 from bench.speed.long_edge import long_raw_edge
 from bench.speed.recordings import simulated, small_parts
 from bench.speed.timing import Row, median_s, peak_gb
@@ -83,7 +82,7 @@ def calibrating(_: Path) -> Iterator[Row]:
     for k in range(10):
         recipe = random_sphere_recipe("sphere_nine", FIRST_SEED + k)
         circle, covariance = circles(cell_of(recipe), np.random.default_rng(k))
-        seen, design = from_arrays(circle, covariance, recorded(recipe)), design_hand_eye(recipe)
+        seen, design = from_arrays(circle, covariance, recorded_poses(recipe)), design_hand_eye(recipe)
         taken.append(median_s(lambda seen=seen, design=design: solve(seen, Noise(), design), 1))
     what = "hand-eye pose of 9 profiles after circle fits, signs searched, answer checked"
     yield Row(what, 1e3 * statistics.median(taken), "ms", goal=5)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.metrology.joints import STUDY
+from bench.joints import measure
 from bench.odd_grooves import odd_groove
 from bench.odd_plates import Corners, Drawn, Lines
 from bench.outside import FAR_MM, Part, Usual, simulate
@@ -97,7 +97,7 @@ REFUSED = {"two bevel angles a side", "upper edges ground"}  # may be, as their 
     ],
 )
 def test_what_the_shop_floor_makes_of_a_groove_is_refused_or_right(shape: str, seed: int) -> None:
-    row = STUDY.measured((f"shop_floor_{shape.replace(' ', '_')}", seed))
+    row = measure((f"shop_floor_{shape.replace(' ', '_')}", seed))
     assert row.get("right") or ("refused" in row and shape in REFUSED), row
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from bench.confidently_wrong.kinds import KINDS
 from bench.drawn.grooves import random_groove_recipe, random_prism_recipe
-from bench.metrology.joints import JOINTS, groove_sizes, measured
-from bench.metrology.joints import errors as errors_of
+from bench.joints import JOINTS, groove_sizes, measured
+from bench.joints import errors as errors_of
 from bench.simulators.swept import simulate_groove
 from bench.simulators.swept.recipe import GrooveRecipe
 from tests.seldom import seldom

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bench.confidently_wrong.shapes import SHAPES, shape_recording
-from bench.metrology.joints import JOINTS, measured
+from bench.joints import JOINTS, measured
 from bench.simulators.swept import SweptRecipe, simulate_swept
 from tests.seldom import seldom
 from workbench.artefacts import Preparation

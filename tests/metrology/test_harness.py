@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bench.harness import resumed
-from bench.tables import folded, markdown, not_met, put_into
+from bench.tables import folded, markdown, put_into
 
 
 def test_a_stopped_run_goes_on(tmp_path: Path) -> None:
@@ -45,8 +45,3 @@ def test_a_large_table_goes_beside_the_page(tmp_path: Path) -> None:
     assert text == f"### One\n\n{small}\n\n### The other, again\n\n[All rows](tables/page_the_other.csv).\n\nend"
     rows = (tmp_path / "tables/page_the_other.csv").read_text().splitlines()
     assert rows == ["a,b", *(f"{k},{k}" for k in range(33))]
-
-
-def test_goals_that_were_not_met_are_told_by_goal() -> None:
-    assert not_met(["arc: axis", "wavy: axis", "arc: root"]) == "Not met: axis (arc, wavy); root (arc)."
-    assert not_met([]) == "Not met: nothing."

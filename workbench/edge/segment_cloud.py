@@ -57,7 +57,7 @@ from workbench.stage import InputFile, stage
 from workbench.units import DEG, Bool, Float
 
 # What a slice counts for the root face beside a scan line: neighbouring slices cut the same few lines, so that where
-# their last points lie is no new draw in each (tested: bench.metrology, study clouds).
+# their last points lie is no new draw in each.
 SLICE_WEIGHT = 0.2
 COARSE_MM, FEW = 0.1, 100_000  # several times a profiler's noise; points that tell a rounding
 LEAST_POINTS, MOST_MM, FAR_MM = 100, 30_000.0, 1e10

@@ -26,7 +26,7 @@ from bench.calibration.arm import (
     one_tracked,
     sphere,
 )
-from bench.metrology.sphere_truth import circles_of
+from bench.calibration.sphere_truth import circles_of
 from tests.plugins.calibration.conftest import edited
 from workbench.api import (
     DEG,

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.metrology.loading_truth import loads_at
-from bench.metrology.loading_truth import noisy as with_noise
+from bench.loading_truth import loads_at
+from bench.loading_truth import noisy as with_noise
 from workbench.plugins import stiffness as stages
 from workbench.plugins.stiffness.simulate_loads import loads_csv, simulate_tests
 from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD, TABLE_A1_DEG, JointStiffness, LoadingTests

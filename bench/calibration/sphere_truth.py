@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from workbench.geometry.poses import pose_from, rotation_from_quaternion
 from workbench.synthetic import SphereRecipe, SphereTruth
-from workbench.synthetic.sphere import true_poses
+from workbench.synthetic.sphere import sphere_motion, true_poses
 from workbench.units import Float
 
 FIELD_MM = (16.0, 20.0)  # half width and half height of the field of view
@@ -84,6 +85,13 @@ def cell_of(recipe: SphereRecipe, truth: SphereTruth | None = None) -> Cell:
         recipe.scanner.pitch_mm,
         robot.pose_noise_mm,
         robot.pose_noise_deg,
+    )
+
+
+def recorded_poses(recipe: SphereRecipe) -> Float:
+    """Flange poses (k, 4, 4) as recorded, of postures held still."""
+    return np.array(
+        [pose_from(rotation_from_quaternion(m.quaternion_wxyz[0]), m.position_mm[0]) for m in sphere_motion(recipe)]
     )
 
 

@@ -1,4 +1,4 @@
-"""Grooves and prepared plates of four simulators: refusals, wrong types and errors of every size beside its u.
+"""Grooves and prepared plates of four simulators: refusals, wrong types, errors beside u: `python -m bench.joints`.
 
 Grooves: `swept` and `odd` of the swept simulator, `prism` of the package's, `shop_floor` of the third one
 (`bench.odd_grooves`), whose type is not asked for. Plates: `plate` and `odd_plate` of the swept simulator,
@@ -7,6 +7,7 @@ Grooves: `swept` and `odd` of the swept simulator, `prism` of the package's, `sh
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -14,13 +15,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bench.drawn import grooves, preparations
-from bench.metrology.study import HEAD, Condition, Row, Study
+from bench.harness import ROOT, kept, made_by
 from bench.odd_grooves import SHAPES, exact, odd_groove, swapped
 from bench.simulators.swept import SweptRecipe, simulate_groove, simulate_swept
 from bench.simulators.swept.sweep import GROOVES
+from bench.tables import folded, markdown, put_into
 from workbench.artefacts import SIZES, GrooveInspection, PreparationInspection, Recording, u_name
 from workbench.cloud import denoise
 from workbench.edge import segment_groove, segment_preparation
+from workbench.errors import WorkbenchError
 from workbench.inspect import groove as inspect_groove
 from workbench.inspect import preparation as inspect_preparation
 from workbench.scan import fuse
@@ -29,6 +32,8 @@ from workbench.synthetic.prism_scan import simulate_prism
 from workbench.units import DEG, Float
 
 FAR = 3.0  # standard uncertainties: beyond, it is confidently wrong
+BEYOND = f"beyond {FAR:g} u"
+OUTCOMES = ("refused", "crashed", "another type", BEYOND)
 Rows = list[tuple[str, float, float]]  # size, error, u: mm or deg
 Exact = Callable[[str, Any], Mapping[str, float]]  # of the type found and a section, its true sizes
 
@@ -116,52 +121,62 @@ CONDITIONS = {
 }
 
 
-def measure(condition: str, seed: int) -> Row:
-    """Every error over its u; `taken`: for which type that it is not; `far`: the sizes beyond FAR, and how far."""
-    draw, kind = CONDITIONS[condition]
-    joint = draw(kind, seed)
-    found, rows = measured(joint)
+def measure(task: tuple[str, int]) -> dict[str, Any]:
+    """A joint of a condition and seed, every error over its u; or the field of OUTCOMES that says why it has none."""
+    draw, kind = CONDITIONS[task[0]]
+    row: dict[str, Any] = {"condition": task[0], "seed": task[1]}
+    try:
+        joint = draw(kind, task[1])
+        found, rows = measured(joint)
+    except WorkbenchError as error:
+        return row | {"refused": str(error)}
+    except Exception as error:  # a defect, to be counted and not to stop the study
+        return row | {"crashed": repr(error)}
     if joint.types and not {found.type, *getattr(found, "alternatives", ())} & set(joint.types):
-        return {"taken": f"taken for {found.type}"}
+        return row | {"another type": f"taken for {found.type}"}
     z = [(size, abs(error) / u) for size, error, u in rows]
     far = {size: max(v for name, v in z if name == size) for size, v in z if v > FAR}
-    told = {"far": ", ".join(f"{size} {v:.1f} u" for size, v in far.items())} if far else {"right": 1}
-    return {"z": [v for _, v in z]} | told
+    said = {BEYOND: ", ".join(f"{size} {v:.1f} u" for size, v in far.items())} if far else {"right": True}
+    return row | {"z": [v for _, v in z]} | said
 
 
-def _percent(inside: Any) -> str:
-    return f"{100 * np.mean(inside):.1f}" if len(inside) else ""
+def report(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """By condition how many end how, and the shares of their values; the first cause of each outcome."""
+    table, causes = [], []
+    for name in dict.fromkeys(row["condition"] for row in rows):
+        of = [row for row in rows if row["condition"] == name]
+        ended = {outcome: [row for row in of if outcome in row] for outcome in ("right", *OUTCOMES)}
+        z = np.concatenate([row.get("z", []) for row in of])
+        shares = [f"{100 * np.mean(inside):.1f}" if len(z) else "" for inside in (z <= 2.0, z > FAR)]
+        table.append([name, *(str(len(x)) for x in (of, *ended.values(), z)), *shares])
+        causes += [
+            [name, outcome, str(len(ended[outcome])), str(ended[outcome][0]["seed"]), ended[outcome][0][outcome]]
+            for outcome in OUTCOMES
+            if ended[outcome]
+        ]
+    head = ["condition", "parts", "right", *OUTCOMES, "values", "within 2 u, %", f"beyond {FAR:g} u, %"]
+    yield from ("### Joints", "", *markdown(head, table), "")
+    if causes:
+        yield from ("### First causes", "")
+        yield from markdown(["condition", "outcome", "parts", "first seed", "its cause"], causes)
 
 
-def goals(c: Condition) -> Iterator[tuple[bool, str]]:
-    taken, far = len(c.having("taken")), len(c.having("far"))
-    yield taken > 0, f"{taken} taken for another type"
-    yield far > 0, f"{far} beyond {FAR:g} u"
-
-
-STUDY = Study(
-    conditions=tuple(CONDITIONS),
-    parts=20,
-    page="grooves.md",
-    measure=measure,
-    goals=goals,
-    outcomes=("refused", "crashed", "taken", "far"),
-    tables=(
-        (
-            "Joints",
-            (
-                *HEAD,
-                ("right", lambda c: len(c.having("right"))),
-                ("another type", lambda c: len(c.having("taken"))),
-                (f"beyond {FAR:g} u", lambda c: len(c.having("far"))),
-                ("values", lambda c: len(c.values("z"))),
-                ("within 2 u, %", lambda c: _percent(c.values("z") <= 2)),
-                (f"beyond {FAR:g} u, %", lambda c: _percent(c.values("z") > FAR)),
-            ),
-            None,
-        ),
-    ),
-)
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m bench.joints", description=__doc__)
+    parser.add_argument("--parts", type=int, default=20, help="a condition (20)")
+    parser.add_argument("--seed", type=int, default=1_000_000, help="of each condition's first part (1000000)")
+    parser.add_argument("--conditions", nargs="+", choices=CONDITIONS, default=list(CONDITIONS), metavar="NAME")
+    parser.add_argument("--workers", type=int, default=2, help="processes (2)")
+    parser.add_argument("--docs", action="store_true", help="write the tables into docs/grooves.md")
+    given = parser.parse_args()
+    tasks = [(name, given.seed + k) for name in given.conditions for k in range(given.parts)]
+    command = f"python -m bench.joints --parts {given.parts} --seed {given.seed}"
+    command += "" if len(given.conditions) == len(CONDITIONS) else f" --conditions {' '.join(given.conditions)}"
+    text = "\n".join([f"`{command}`{made_by()}", "", *report(kept("joints", measure, tasks, given.workers))])
+    print(text)
+    if given.docs:
+        page = ROOT / "docs" / "grooves.md"
+        put_into(page, folded(page, text), "joints")
 
 
 def _as_read(exact: dict[str, Float], kind: str, foot_radius_mm: float, found: str) -> dict[str, Float]:
@@ -180,3 +195,7 @@ def _as_read(exact: dict[str, Float], kind: str, foot_radius_mm: float, found: s
     reach = radius * np.tan((90.0 - exact["bevel_deg"]) * DEG / 2)
     sharp = exact["land_mm"] + (reach if kind == "J" else -reach)
     return exact | {"land_mm": sharp} | ({"root_radius_mm": radius} if found == "J" else {})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,1 +1,0 @@
-"""Errors and uncertainties over many simulated parts, beside other methods: `python -m bench.metrology`."""

@@ -70,7 +70,8 @@ class CollisionModel:
         least: dict[tuple[str, str], Clearance] = {}
         for i, (a, b) in enumerate(self.pairs):
             pair = self.names(a, b)
-            distance, points = (0.0, None) if self._touch(a, b) else self._nearest_points(a, b)
+            touch = _touching(self._objects[a], self._objects[b])
+            distance, points = (0.0, None) if touch else self._nearest_points(a, b)
             near = distance <= 0 or distance < self.least_mm[i]
             if pair not in least or (not near, distance) < (not least[pair].near, least[pair].distance_mm):
                 least[pair] = Clearance(distance, pair, points, near)
@@ -92,24 +93,15 @@ class CollisionModel:
         """The distance of some pairs (indices into `pairs`), 0 where they touch; arguments as in `first_hit`."""
         for shape in {s for i in pairs for s in self.pairs[i]}:
             self._put(shape, moved, turned)
-        return [self._apart(*self.pairs[i]) for i in pairs]
+        return [_apart(*(self._objects[s] for s in self.pairs[i])) for i in pairs]
 
     def names(self, a: int, b: int) -> tuple[str, str]:
         """Of two bodies by the indices of their shapes."""
         return self._cell.shapes[a].body, self._cell.shapes[b].body
 
     def _near(self, pair: int) -> bool:
-        (a, b), least = self.pairs[pair], self.least_mm[pair]
-        return self._touch(a, b) or bool(least > 0 and self._distance(a, b) < least)
-
-    def _touch(self, a: int, b: int) -> bool:
-        return _touching(self._objects[a], self._objects[b])
-
-    def _apart(self, a: int, b: int) -> float:
-        return _apart(self._objects[a], self._objects[b])
-
-    def _distance(self, a: int, b: int) -> float:
-        return max(float(fcl.distance(self._objects[a], self._objects[b], fcl.DistanceRequest())), 0.0)
+        (one, other), least = (self._objects[s] for s in self.pairs[pair]), self.least_mm[pair]
+        return _touching(one, other) or bool(least > 0 and _distance(one, other) < least)
 
     def _nearest_points(self, a: int, b: int) -> tuple[float, Float | None]:
         """The distance, and fcl's two nearest points if they are as far apart."""
@@ -347,9 +339,14 @@ def _touching(one: fcl.CollisionObject, other: fcl.CollisionObject) -> bool:
     return bool(fcl.collide(one, other, fcl.CollisionRequest(), fcl.CollisionResult()))
 
 
+def _distance(one: fcl.CollisionObject, other: fcl.CollisionObject) -> float:
+    """Of bodies that do not touch."""
+    return max(float(fcl.distance(one, other, fcl.DistanceRequest())), 0.0)
+
+
 def _apart(one: fcl.CollisionObject, other: fcl.CollisionObject) -> float:
     """The distance, 0 where they touch."""
-    return 0.0 if _touching(one, other) else max(float(fcl.distance(one, other, fcl.DistanceRequest())), 0.0)
+    return 0.0 if _touching(one, other) else _distance(one, other)
 
 
 def _signed(one: fcl.CollisionObject, other: fcl.CollisionObject) -> float:

@@ -45,6 +45,7 @@ MOST_TOLD = 40
 TIGHT = 0.1 * np.pi / 180  # rad: how near the stated distance from limits is to the true one
 ON_BOUNDARY = 0.02 * np.pi / 180  # rad: what the digits of a program may turn a joint by
 Configuration = Callable[[Float, Cell], tuple[int, ...] | None]
+ArcLookup = Callable[[int, float], float]
 
 
 def judge(
@@ -64,8 +65,7 @@ def judge(
     """
     program = placed(program, cell)
     try:
-        tools, frames = _frames(cell, program)
-        way = way_of(program, tools, frames, flange_among_targets(cell), cell.rated_speeds)
+        way, tools = _way(cell, program)
     except WayError as error:
         return _undriven(program, Violation(error.line, 0.0, "way", str(error)))
     foreign, unknown = frame_faults(cell, program, tools)
@@ -83,8 +83,7 @@ def follows(cell: Cell, program: ProgramMoves) -> tuple[str, tuple[str, str] | N
     The cutter may touch what `may_touch` says, as on a path.
     """
     try:
-        tools, frames = _frames(cell, program)
-        way = way_of(program, tools, frames, flange_among_targets(cell), cell.rated_speeds)
+        way, _ = _way(cell, program)
     except WayError:  # one posture alone
         return None
     found = _proven(cell, *first_look(cell, way), _Findings())
@@ -111,6 +110,12 @@ class JudgedCell(Cell):
         assert postures is not None
         planned = Planned(moves.toolpath, postures.planned_turntable, tolerance_mm, postures.flange_from_point)
         return judge(self, program, planned, configuration)
+
+
+def _way(cell: Cell, program: ProgramMoves) -> tuple[Way, dict[str, Float]]:
+    """The way, and the tools by name."""
+    tools, frames = _frames(cell, program)
+    return way_of(program, tools, frames, flange_among_targets(cell), cell.rated_speeds), tools
 
 
 def _frames(cell: Cell, program: ProgramMoves) -> tuple[dict[str, Float], dict[str, Float]]:
@@ -346,7 +351,7 @@ def _judgement(
     order = np.lexsort((everywhere.share, everywhere.segment))
     places = everywhere.at(order)
     arc = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(places.tool[:, :3, 3], axis=0), axis=1)))
-    at = _Lookup(places, arc)
+    at = _arc_lookup(places, arc)
     unchecked = [*dict.fromkeys((*cell.unchecked, *left_out(cell, ()))), *cell.unseen]  # margins may have grown since
     driven, deviation = Driven(), float("nan")
     if planned is None:
@@ -359,20 +364,19 @@ def _judgement(
     found.faults += _off_the_path(cell, way, found.places[0], _on_the_path(program, way, places, driven.ends))
     timed, timed_share = timed_faults(cell, way)
     found.faults += timed
-    faults = [Violation(int(way.line[s]), at.arc(s, share), kind, finding) for s, share, kind, finding in found.faults]
+    faults = [Violation(int(way.line[s]), at(s, share), kind, finding) for s, share, kind, finding in found.faults]
     faults += [Violation(int(way.line[places.segment[i]]), float(arc[i]), *rest) for i, *rest in driven.faults]
     faults += _configurations(cell, program, way, places, at, configuration)
     if cell.process is not None:
         faults += [
-            Violation(program.moves[i].line, at.arc(int(np.searchsorted(way.move, i)), 0.0), "process", text)
+            Violation(program.moves[i].line, at(int(np.searchsorted(way.move, i)), 0.0), "process", text)
             for i, text in (*disorders(program, cell.process), *_unprobed(cell, program, planned))
         ]
     speeds, share = _speeds(cell, way, places, arc)
     faults += speeds
-    measured = len(everywhere) - len(found.places[0])
     inside = np.argsort(order)[len(found.places[0]) :]
     along = {
-        name: np.concatenate(values)[np.argsort(inside)] if values else np.zeros(0)
+        name: np.concatenate(values)[np.argsort(inside)]
         for name, values in (
             ("clearance_mm", found.clearance),
             ("limit_margin", found.margin),
@@ -381,7 +385,6 @@ def _judgement(
         )
     }
     along["arc_length_mm"] = arc[np.sort(inside)]
-    assert measured == len(along["arc_length_mm"])
     least, pair = _least(found)
     stops = sum(move.zone_mm == 0 and move.time_s is None for move in program.moves[1:-1])
     ramp_s = cell.controller.acceleration_s if cell.controller else None  # half of it is lost before, half behind
@@ -451,20 +454,24 @@ def _nanmin(values: Float) -> float:
     return float(np.nanmin(values)) if np.isfinite(values).any() else float("nan")
 
 
-class _Lookup:
-    """Arc length by place."""
+def _arc_lookup(places: Places, arc: Float) -> ArcLookup:
+    """Arc length of the tool from the first target, by segment and share."""
+    key = places.segment + np.minimum(places.share, 1 - 1e-12)
 
-    def __init__(self, places: Places, arc: Float) -> None:
-        self._key, self._arc = places.segment + np.minimum(places.share, 1 - 1e-12), arc
+    def at(segment: int, share: float) -> float:
+        i = int(np.searchsorted(key, segment + min(share, 1 - 1e-12)))
+        return float(arc[min(i, len(arc) - 1)])
 
-    def arc(self, segment: int, share: float) -> float:
-        """Of the tool, from the first target."""
-        i = int(np.searchsorted(self._key, segment + min(share, 1 - 1e-12)))
-        return float(self._arc[min(i, len(self._arc) - 1)])
+    return at
 
 
 def _configurations(
-    cell: Cell, program: ProgramMoves, way: Way, places: Places, at: _Lookup, configuration: Configuration | None
+    cell: Cell,
+    program: ProgramMoves,
+    way: Way,
+    places: Places,
+    at: Callable[[int, float], float],
+    configuration: Configuration | None,
 ) -> Iterator[Violation]:
     """Targets whose configuration is another than the program says: a restart there would take another posture."""
     if configuration is None:
@@ -486,7 +493,7 @@ def _configurations(
         either = zip(move.configuration, zip(*(one for one in near if one is not None), strict=True), strict=True)
         if not all(said in found for said, found in either):  # an angle on the boundary of two counts as both
             said = f"the program says configuration {list(move.configuration)}, the robot has {list(there)}"
-            yield Violation(move.line, at.arc(int(places.segment[i]), float(places.share[i])), "configuration", said)
+            yield Violation(move.line, at(int(places.segment[i]), float(places.share[i])), "configuration", said)
 
 
 def _unprobed(cell: Cell, program: ProgramMoves, planned: Planned | None) -> Iterator[tuple[int, str]]:
@@ -517,36 +524,27 @@ def _seconds(way: Way, places: Places) -> Float:
 
 
 def _speeds(cell: Cell, way: Way, places: Places, arc: Float) -> tuple[list[Violation], float]:
-    """Joints that cannot keep the programmed feed, and the largest share of a rated speed (and acceleration)."""
-    seven = np.column_stack([places.joints, places.turntable])
-    seconds = _seconds(way, places)
-    moved = np.abs(np.diff(seven, axis=0))
+    """Joints that cannot keep the programmed feed, and the largest share of a rated speed.
+
+    Accelerations are asked for within segments and through rounded corners, where the controller does not stop.
+    """
+    seconds, by_joints = _seconds(way, places), way.kind[places.segment[1:]] == JOINTS
+    moved = np.diff(np.column_stack([places.joints, places.turntable]), axis=0)
     long_enough = seconds > 1e-9
     rate = np.where(long_enough[:, None], moved / np.maximum(seconds, 1e-9)[:, None], 0.0)
-    asked = np.nan_to_num(rate / cell.rated_speeds)
-    asked[way.kind[places.segment[1:]] == JOINTS] = 0.0
-    faults = []
-    if (found := worst(cell, asked, "speed")) is not None:
-        i, finding = found
-        faults.append(Violation(int(way.line[places.segment[i + 1]]), float(arc[i + 1]), "speed", finding))
+    speed = np.where(by_joints[:, None], 0.0, np.nan_to_num(np.abs(rate) / cell.rated_speeds))
+    found = [("speed", worst(cell, speed, "speed"))]
     if cell.rated_accelerations is not None:
-        faults += _accelerations(cell, cell.rated_accelerations, way, places, seconds, arc)
-    return faults, float(asked.max(initial=0.0))
-
-
-def _accelerations(cell: Cell, most: Float, way: Way, places: Places, seconds: Float, arc: Float) -> list[Violation]:
-    """Within segments and through rounded corners, where the controller does not stop; `most` (6 + e,)."""
-    signed = np.diff(np.column_stack([places.joints, places.turntable]), axis=0)
-    rate = np.where(seconds[:, None] > 1e-9, signed / np.maximum(seconds, 1e-9)[:, None], 0.0)
-    middle = (seconds[1:] + seconds[:-1]) / 2
-    flying = (places.segment[1:-1] == places.segment[2:]) & (seconds[1:] > 1e-9) & (seconds[:-1] > 1e-9)
-    change = np.abs(np.diff(rate, axis=0)) / np.maximum(middle, 1e-9)[:, None]
-    asked = np.where(flying[:, None], np.nan_to_num(change / most), 0.0)
-    asked[way.kind[places.segment[1:-1]] == JOINTS] = 0.0
-    if (found := worst(cell, asked, "acceleration")) is None:
-        return []
-    i, finding = found
-    return [Violation(int(way.line[places.segment[i + 1]]), float(arc[i + 1]), "acceleration", finding)]
+        flying = (places.segment[1:-1] == places.segment[2:]) & long_enough[1:] & long_enough[:-1] & ~by_joints[:-1]
+        change = np.abs(np.diff(rate, axis=0)) / np.maximum((seconds[1:] + seconds[:-1]) / 2, 1e-9)[:, None]
+        asked = np.where(flying[:, None], np.nan_to_num(change / cell.rated_accelerations), 0.0)
+        found.append(("acceleration", worst(cell, asked, "acceleration")))
+    faults = [
+        Violation(int(way.line[places.segment[one[0] + 1]]), float(arc[one[0] + 1]), kind, one[1])
+        for kind, one in found
+        if one is not None
+    ]
+    return faults, float(speed.max(initial=0.0))
 
 
 def _told(faults: list[Violation]) -> Iterator[Violation]:

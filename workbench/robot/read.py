@@ -122,7 +122,7 @@ def read_cell(path: Path) -> Cell:
         margin_mm=part.margin_mm,
         warnings=tuple(filter(None, warnings)),
         margins=_margins(part),
-        accelerations=_accelerations(part.robot),
+        accelerations=_array(part.robot.acceleration_deg_s2, DEG),
         controller_tools=tools,
         controller_frames=frames,
         unchecked=tuple(_not_said(part, shapes)),
@@ -187,12 +187,8 @@ def _margins(part: CellPart) -> Margins:
     )
 
 
-def _array(values: tuple[float, ...] | None) -> Float | None:
-    return None if values is None else np.array(values)
-
-
-def _accelerations(part: RobotPart) -> Float | None:
-    return None if part.acceleration_deg_s2 is None else np.array(part.acceleration_deg_s2) * DEG
+def _array(values: tuple[float, ...] | None, unit: float = 1.0) -> Float | None:
+    return None if values is None else np.array(values) * unit
 
 
 def _on_controller(part: CellPart, cutter: Float, path: Path) -> tuple[dict[str, Float], dict[str, Float]]:

@@ -181,6 +181,7 @@ def way_of(
             move to a pose, a joint move that blends, times that do not rise.
     """
     legs: list[_Leg] = []
+    start: Float = np.empty(0)
     joints: Float | None = None
     flange: Float | None = None
     table: Values = np.zeros(len(rated) - 6) if len(rated) > 7 else 0.0
@@ -195,7 +196,8 @@ def way_of(
                     move.line,
                     "the first move gives no joint angles: expected the program to say in which posture it begins",
                 )
-            joints, flange, table = move.joints, flange_at(move.joints, end_table), end_table
+            start, flange, table = move.joints, flange_at(move.joints, end_table), end_table
+            joints = start
             continue
         assert flange is not None
         leg = _leg(
@@ -205,10 +207,10 @@ def way_of(
         legs.append(leg)
         joints = move.joints if leg.kind == JOINTS else None
         flange, table = leg.end @ inverse(leg.tool), end_table
-    first = program.moves[0].joints if program.moves else None
-    if first is None:
-        raise WayError(1, "the program moves nowhere")
-    return _stacked(_rounded(legs), first, rated)
+    if not legs:
+        raise WayError(1, "the program moves nowhere but to its first target")
+    rows = [_row(leg, after, rated) for leg, after in _rounded(legs)]
+    return Way(*map(np.array, zip(*rows, strict=True)), start)  # type: ignore[call-arg]  # as many as `_row` gives
 
 
 def _seconds(before: ProgramMove, move: ProgramMove) -> float | None:
@@ -288,14 +290,6 @@ def _rounded(legs: list[_Leg]) -> list[tuple[_Leg, _Leg | None]]:
             leg.cut[1], after.cut[0] = 1 - zone / leg.length, zone / after.length
             order.append((leg, after))
     return order
-
-
-def _stacked(order: list[tuple[_Leg, _Leg | None]], first: Float, rated: Float) -> Way:
-    rows = [_row(leg, after, rated) for leg, after in order]
-    columns = [np.array(column) for column in zip(*rows, strict=True)] if rows else []
-    if not columns:
-        raise WayError(1, "the program moves nowhere but to its first target")
-    return Way(*columns, first)  # type: ignore[call-arg]  # as many as `_row` gives
 
 
 def _row(leg: _Leg, after: _Leg | None, rated: Float) -> tuple[object, ...]:

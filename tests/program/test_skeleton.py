@@ -332,7 +332,7 @@ def test_a_statement_behind_a_blend_is_refused(other: tuple[str, Cell, Moves]) -
     ("controller", "change", "finding"),
     [
         ("abb", {"coolant_signal": "DOSPINDLE5"}, "different signals of spindle and coolant"),
-        ("abb", {"before": ["stop"]}, "a name that has no meaning in RAPID yet, found 'stop'"),
+        ("abb", {"before": ["stop"]}, "a name that has no meaning to ABB yet, found 'stop'"),
         ("abb", {"approach_mm": 2000.0}, "process.approach_mm: expected a point that the robot reaches"),
         ("kuka", {"before": ["halt"]}, "a name that has no meaning to KUKA yet, found 'halt'"),
         ("kuka", {"mechanical_unit": "STN1"}, "mechanical_unit: expected null for KUKA"),

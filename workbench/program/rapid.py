@@ -26,12 +26,11 @@ import numpy as np
 
 from workbench.artefacts import EventKind, Moves, ProgramTool
 from workbench.dialect import rounded_feeds
-from workbench.errors import InputError
 from workbench.geometry.poses import pose_from, rotation_from_quaternion
 from workbench.language import NUMBER, Language, row
 from workbench.program.reading import Reading, one_or_all
 from workbench.program.skeleton import SWITCHED, CellDialect, check_words, tidy
-from workbench.program.words import PREDEFINED, TAKEN, free_name
+from workbench.program.words import GENERATED, IDENTIFIER, PREDEFINED, TAKEN
 from workbench.robot.cell import Cell
 from workbench.robot.wrist import arm_sides
 from workbench.units import DEG, Float, Int
@@ -246,24 +245,8 @@ class Rapid(CellDialect):
 
     def __post_init__(self) -> None:
         """Refuse names of the process that mean something in RAPID."""
-        process = self.cell.process
-        if process is None:
-            return
-        spindle = process.spindle
-        names = [
-            process.coolant_signal,
-            process.mechanical_unit,
-            process.home.controller_name,
-            *process.before,
-            *process.after,
-            *((spindle.on_signal, spindle.at_speed_signal) if spindle else ()),
-        ]
-        for name in (str(one) for one in names if one is not None):
-            try:
-                free_name(name)
-            except ValueError as error:
-                raise InputError(f"{self.cell.source}: $.process", f"{error}, found {name!r}") from None
-        check_words(self.cell, "ABB", signals="names", units=True)
+        home = IDENTIFIER.pattern, "the name of a jointtarget"
+        check_words(self.cell, "ABB", signals="names", units=True, home=home, taken=GENERATED)
 
     def fields(self, kind: EventKind, value: str) -> dict[str, Any]:
         """A longest wait stops the program; feed limits are two numbers."""

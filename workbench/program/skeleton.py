@@ -359,7 +359,13 @@ def numbered(cell: Cell, what: str, part: str, kind: str, name: str, digits: str
 
 
 def check_words(
-    cell: Cell, what: str, *, signals: str, units: bool = False, home: tuple[str, str] = (".*", "")
+    cell: Cell,
+    what: str,
+    *,
+    signals: str,
+    units: bool = False,
+    home: tuple[str, str] = (".*", ""),
+    taken: re.Pattern[str] = NUMBERED,
 ) -> None:
     """Refuse what a maker's programs cannot name.
 
@@ -369,6 +375,7 @@ def check_words(
         signals: 'names', 'numbers', or 'both'.
         units: whether programs activate mechanical units.
         home: pattern of its name on the controller, and in words what is expected.
+        taken: names that the program itself may declare.
     """
     process = cell.process
     if process is None:
@@ -382,10 +389,10 @@ def check_words(
         if signal is None or signals == "both" or isinstance(signal, int) == (signals == "numbers"):
             continue
         raise InputError(f"{where}.{key}", f"expected one of a signal's {signals} for {what}, found {signal!r}")
-    for name in (*process.before, *process.after, *(one for one in named.values() if isinstance(one, str))):
-        if name.lower() in RESERVED or NUMBERED.fullmatch(name):
-            raise InputError(where, f"expected a name that has no meaning to {what} yet, found {name!r}")
     known = process.home.controller_name
+    for name in (known, process.mechanical_unit, *process.before, *process.after, *named.values()):
+        if isinstance(name, str) and (name.lower() in RESERVED or taken.fullmatch(name)):
+            raise InputError(where, f"expected a name that has no meaning to {what} yet, found {name!r}")
     if known is not None and not re.fullmatch(home[0], known):
         raise InputError(f"{where}.home.controller_name", f"expected {home[1]} for {what}, found {known!r}")
     if process.mechanical_unit and not units:

@@ -50,7 +50,7 @@ def test_a_prediction_of_another_path_is_refused(raw: Callable[..., Raw]) -> Non
     scan = raw()
     path = scan.plan
     for wrong in ({}, {1: np.zeros((3, 3))}, {k: v * np.nan for k, v in deflection(path).by_layer_mm.items()}):
-        with pytest.raises(InputError, match="a deflection for each point of layer"):
+        with pytest.raises(InputError, match="a deflection for each of the"):
             check(path, scan.edge, scan.cloud, PathDeflection(wrong))
 
 

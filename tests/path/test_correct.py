@@ -168,7 +168,7 @@ def test_a_cut_too_deep_leaves_less_load_and_the_robot_gives_way_less(scan: Raw,
     assert unknown.shift_mm[found.cut] == pytest.approx(0.2, abs=0.004)
     more = np.sqrt(unknown.displacement_u_mm**2 - correct(cut, plan, yield_share=0, **QUIET)[1].displacement_u_mm ** 2)
     assert more[found.cut] == pytest.approx(0.1 * 0.5 * (1 - load / as_cut) / math.sqrt(3), abs=0.001)
-    with pytest.raises(InputError, match="of the first path"):
+    with pytest.raises(InputError, match="that of this path"):
         correct(cut, plan, PathDeflection({}))
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from workbench.artefacts.decisions import Gate
 from workbench.artefacts.evidence import UNKNOWN_PART, Check, Part
 from workbench.artefacts.showing import columns_table, space_scene
+from workbench.errors import InputError
 from workbench.geometry.moves import step_lengths_mm, travel_time_s
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.units import DEG, Bool, Float, Int, Shaped
@@ -213,6 +214,14 @@ class PathDeflection:
 
     by_layer_mm: Mapping[int, Float]  # index of the layer -> (k, 3), in the order of its points
     turn_by_layer: Mapping[int, Float] = field(default_factory=dict)  # -> (k,) about the frame's y, rad; absent: none
+
+    def at(self, layer: Layer) -> Float:
+        """Displacement (k, 3) at a layer's points. Raises InputError where it is that of another path."""
+        moved = self.by_layer_mm.get(layer.index)
+        if moved is None or moved.shape != layer.position_mm.shape or not np.isfinite(moved).all():
+            expected = f"a deflection for each of the {len(layer.position_mm)} points of layer {layer.index}"
+            raise InputError("deflection", f"expected that of this path: {expected}")
+        return moved
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -207,11 +207,12 @@ def correct(
     if not refused:
         return replace(path, evidence=evidence), found
     nothing, finishing = np.zeros_like(by), _without_first(toolpath.finishing)
+    as_planned = PathDeflection({layer.index: np.zeros_like(layer.position_mm) for layer in finishing.layers})
     return replace(finishing, evidence=evidence), replace(
         found,
         shift_mm=nothing,
         tilt=nothing,
-        comes=_unmoved(finishing),
+        comes=as_planned,
         batch=before,
         refused=refused,
         reason="nothing corrected: refused",
@@ -341,13 +342,7 @@ def _along(layer: Layer, values: Float, at: Float) -> Float:
 
 def _gives_way(layer: Layer, predicted: PathDeflection) -> Float:
     """Displacement (k,) along b, against x, at a layer's points."""
-    moved = predicted.by_layer_mm.get(layer.index)
-    if moved is None or moved.shape != layer.position_mm.shape:
-        raise InputError(
-            "prediction",
-            f"expected that of the first path; it has no layer {layer.index} of {len(layer.position_mm)} points",
-        )
-    return -moved[:, 0]
+    return -predicted.at(layer)[:, 0]
 
 
 def _power(toolpath: Toolpath, predicted: PathDeflection) -> float:
@@ -393,10 +388,6 @@ def _corrected(finishing: Toolpath, frames: Poses, by_mm: Float, tilt: Float) ->
         back[layer.index] = (np.swapaxes(rotation_from_quaternion(quaternion), 1, 2) @ -moved[:, :, None])[:, :, 0]
     comes = PathDeflection(back, {layer.index: tilt for layer in layers})
     return replace(finishing, layers=tuple(layers)), comes
-
-
-def _unmoved(path: Toolpath) -> PathDeflection:
-    return PathDeflection({layer.index: np.zeros_like(layer.position_mm) for layer in path.layers})
 
 
 def _stock(allowance_mm: float, shift_mm: Float | float, turn: Estimate, tilt: Float, finish: Layer) -> Float:

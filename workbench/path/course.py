@@ -103,10 +103,7 @@ def greatest_mm(predicted: PathDeflection) -> float:
 
 
 def _displaced(layer: Layer, predicted: PathDeflection) -> Layer:
-    moved = predicted.by_layer_mm.get(layer.index)
-    if moved is None or moved.shape != layer.position_mm.shape or not np.isfinite(moved).all():
-        raise InputError("path.check", f"expected a deflection for each point of layer {layer.index} of this path")
-    away = (rotation_from_quaternion(layer.quaternion_wxyz) @ moved[:, :, None])[:, :, 0]
+    away = (rotation_from_quaternion(layer.quaternion_wxyz) @ predicted.at(layer)[:, :, None])[:, :, 0]
     turn = predicted.turn_by_layer.get(layer.index)
     quaternion = layer.quaternion_wxyz if turn is None else turned_about_feed(layer.quaternion_wxyz, turn)
     return replace(layer, position_mm=layer.position_mm + away, quaternion_wxyz=quaternion)

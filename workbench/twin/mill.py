@@ -119,13 +119,7 @@ def _deflections(toolpath: Toolpath, file: Path | None, bending: PathDeflection 
     if bending is None:
         return found
     for layer in toolpath.layers:
-        more = bending.by_layer_mm.get(layer.index)
-        if more is None or len(more) != len(layer.position_mm):
-            raise InputError(
-                "bending",
-                f"expected that of this path; it has no layer {layer.index} of {len(layer.position_mm)} points",
-            )
-        found[layer.index] = found.get(layer.index, 0.0) + more
+        found[layer.index] = found.get(layer.index, 0.0) + bending.at(layer)
     return found
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.api import InputError, Layer, PathDeflection, Toolpath, rotation_from_quaternion, stage
+from workbench.api import Layer, PathDeflection, Toolpath, rotation_from_quaternion, stage
 
 
 @stage("stiffness.compensate")
@@ -50,11 +50,5 @@ def compensate(
 
 
 def _moved(layer: Layer, predicted: PathDeflection, share: float) -> Layer:
-    moved = predicted.by_layer_mm.get(layer.index)
-    if moved is None or len(moved) != len(layer.position_mm):
-        raise InputError(
-            "prediction",
-            f"expected that of this path; it has no layer {layer.index} of {len(layer.position_mm)} points",
-        )
-    back = np.einsum("nij,nj->ni", rotation_from_quaternion(layer.quaternion_wxyz), share * moved)
+    back = np.einsum("nij,nj->ni", rotation_from_quaternion(layer.quaternion_wxyz), share * predicted.at(layer))
     return dataclasses.replace(layer, position_mm=layer.position_mm - back)

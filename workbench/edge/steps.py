@@ -24,6 +24,8 @@ from workbench.units import Bool, Float, Int, Shaped
 
 # Of a cell: that a stretch off the face begins, and ends, with ragged heights and with one height.
 BEGIN, END = np.array([0.1, 0.01]), np.array([0.3, 0.2])
+# Logarithms: of none beginning, and of the sum over how a face begins. A reduction in a kernel loads scipy.linalg
+LOG_NONE, LOG_ALL = math.log1p(-BEGIN.sum()), math.log1p((BEGIN / END).sum())
 OFF_MM, RAGGED_MM = 0.1, 0.02  # usual height off the face; by which ragged ones change from cell to cell
 STRAY = 1e-3  # density, 1/mm, of a cell that says nothing
 ODDS = 0.3  # of an edge that is prolonged somewhere, and of one that is shortened, against neither
@@ -242,10 +244,10 @@ def _parted(clean: Float, kinds: Float, height: Float, reach: Int, out: Float) -
     clean (c + 2,): logarithmic densities of the face's own ends, 0 beside the first and the last cell; kinds (2, c, n)
     and height (c, n): of stretches from each cell on over 1 to n, of which reach (c,) are known.
     """
-    size, longest, stays = clean.size - 2, height.shape[1], math.log(1.0 - BEGIN.sum())
+    size, longest = clean.size - 2, height.shape[1]
     ahead, behind, term = np.zeros(size + 2), np.zeros(size + 2), np.empty(2 * size + 3)
     for i in range(1, size + 2):
-        term[0], count = ahead[i - 1] + (stays if 1 < i < size + 1 else 0.0), 1
+        term[0], count = ahead[i - 1] + (LOG_NONE if 1 < i < size + 1 else 0.0), 1
         for n in range(min(i - 1, longest)):
             b = i - 2 - n
             if n < reach[b]:
@@ -253,14 +255,14 @@ def _parted(clean: Float, kinds: Float, height: Float, reach: Int, out: Float) -
                     term[count], count = ahead[b] + kinds[k, b, n], count + 1
         ahead[i] = clean[i] + _sum_of(term, count)
     for i in range(size, 0, -1):
-        term[0], count = behind[i + 1] + clean[i + 1] + (stays if i < size else 0.0), 1
+        term[0], count = behind[i + 1] + clean[i + 1] + (LOG_NONE if i < size else 0.0), 1
         for n in range(reach[i] if i < size else 0):
             for k in range(2):
                 term[count], count = kinds[k, i, n] + clean[i + n + 2] + behind[i + n + 2], count + 1
         behind[i] = _sum_of(term, count)
         out[0, i - 1] = math.exp(ahead[i] + behind[i] - ahead[size + 1])
     _add_heights(ahead, behind, kinds[1], height, reach, clean, out)
-    return float(ahead[size + 1] - math.log(1.0 + (BEGIN / END).sum()))
+    return float(ahead[size + 1] - LOG_ALL)
 
 
 @kernel

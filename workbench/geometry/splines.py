@@ -21,6 +21,13 @@ class Polynomials:
     breaks: Float  # (n + 1,) rising
     powers: Shaped[Float, "n 4 d"]  # of u^0 to u^3
 
+    def __call__(self, x: Float, order: int = 0, straight: bool = False) -> Float:
+        """(..., d) at x (...): values, or first or second derivatives; `straight`: beyond the ends on the tangents."""
+        at = np.asarray(x, dtype=float)
+        out = np.empty((at.size, self.powers.shape[2]))
+        _evaluate(self.breaks, self.powers, as_input(at.reshape(-1)), order, straight, out)
+        return out.reshape(*at.shape, out.shape[1])
+
 
 @dataclass(frozen=True, eq=False)
 class Spline:
@@ -45,17 +52,14 @@ class Spline:
 
     def __call__(self, x: Float, order: int = 0) -> Float:
         """Values at x (m,), or first or second derivatives: (m,) or (m, d); the pieces at the ends go on."""
-        return self._at(x, order, False)
+        return self._shaped(self.pieces(x, order))
 
     def straight_on(self, x: Float) -> Float:
         """Values at x (m,), but beyond the ends on the tangents there: (m,) or (m, d)."""
-        return self._at(x, 0, True)
+        return self._shaped(self.pieces(x, straight=True))
 
-    def _at(self, x: Float, order: int, straight: bool) -> Float:
-        at, pieces = np.asarray(x, dtype=float), self.pieces
-        out = np.empty((at.size, pieces.powers.shape[2]))
-        _evaluate(pieces.breaks, pieces.powers, as_input(at.reshape(-1)), order, straight, out)
-        return out.reshape(at.shape + self.c.shape[1:])
+    def _shaped(self, values: Float) -> Float:
+        return values.reshape(values.shape[:-1] + self.c.shape[1:])
 
 
 def through(x: Float, y: Float) -> Spline:
@@ -74,6 +78,20 @@ def through(x: Float, y: Float) -> Spline:
     _at_places(as_input(t), as_input(x), rows)
     _solve(rows, c)
     return Spline(t, c.reshape(y.shape))
+
+
+def hermite(x: Float, y: Float, slope: Float) -> Polynomials:
+    """The curve through y (n, d) with slopes (n, d) at rising places x (n,), n >= 2 (de Boor, ch. IV, eq. (6)).
+
+    Example:
+        >>> x = np.array([0.0, 1.0, 3.0])[:, None]
+        >>> float(hermite(x[:, 0], x**3, 3.0 * x**2)(2.0)[0])
+        8.0
+    """
+    h, rise = np.diff(x)[:, None], np.diff(y, axis=0)
+    first, last = slope[:-1], slope[1:]
+    square, cube = (3.0 * rise / h - 2.0 * first - last) / h, (first + last - 2.0 * rise / h) / h**2
+    return Polynomials(as_input(x), as_input(np.stack([y[:-1], first, square, cube], axis=1)))
 
 
 @kernel

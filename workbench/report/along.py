@@ -15,9 +15,9 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
 
 from workbench.artefacts import UNLABELLED, Characteristic, Cloud, Edge, Inspection, JointInspection, Quantity, Section
+from workbench.geometry.splines import hermite
 from workbench.marks import FACES, GREY, INK, LIMIT, MEASURED, PALE, REJECTED, TOLERANCE, VERDICTS, Lettering
 from workbench.plot import Axes, Figure
 from workbench.report.scene import Points, frame_arc_length_mm, overview, rejected
@@ -105,16 +105,10 @@ def _offset(position_mm: Float, arc_length: Float, edge: Edge) -> tuple[Float, F
 def _on_curve(arc_length: Float, edge: Edge) -> Float:
     """P(s): through the measured stations along their tangents, straight on beyond the first and the last of them."""
     measured = np.isfinite(edge.position_mm).all(axis=1)
-    stations = edge.arc_length_mm[measured]
-    inside = np.clip(arc_length, stations[0], stations[-1])
+    stations, position, tangent = edge.arc_length_mm[measured], edge.position_mm[measured], edge.tangent[measured]
     if len(stations) == 1:
-        on_curve = np.repeat(edge.position_mm[measured], len(inside), axis=0)
-    else:
-        curve = scipy.interpolate.CubicHermiteSpline(stations, edge.position_mm[measured], edge.tangent[measured])
-        on_curve = curve(inside)
-    out = np.flatnonzero(inside != arc_length)  # few; NaN stays NaN
-    on_curve[out] += (arc_length - inside)[out, None] * axes_at(inside[out], edge, edge.tangent)
-    return np.asarray(on_curve)
+        return position + (arc_length - stations)[:, None] * tangent
+    return hermite(stations, position, tangent)(arc_length, straight=True)
 
 
 def axes_at(arc_length: Float, edge: Edge, vectors: Float) -> Float:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html.parser import HTMLParser
 from typing import Any, ClassVar
 
 import numpy as np
-import scipy
 from markupsafe import Markup
 
 from workbench.artefacts import Chapter, Document, Mark, Part, Provenance, Scene, Shading, Strokes, Verdict
@@ -29,7 +29,7 @@ WITHIN = ("data:image/", "#")  # pictures that the page holds, places in it
 CALLS = ("url", "image", "\\", "@")  # in a style: what could fetch something, or hide that it does
 BLOCK_POINTS = 8192
 HALF_STEPS = 32_767  # of int16
-SAMPLE = 500  # points whose nearest neighbour is looked for
+SAMPLE = 50  # points whose nearest neighbour is looked for
 
 
 class _Outside(HTMLParser):
@@ -143,9 +143,10 @@ def pitch_mm(points_mm: Float) -> float:
     """How far a point is from its nearest neighbour, where they are sparse: nine in ten are nearer."""
     if len(points_mm) < 2:
         return 1.0
-    tree = scipy.spatial.cKDTree(points_mm, balanced_tree=False)
-    apart = tree.query(points_mm[:: max(1, len(points_mm) // SAMPLE)], k=2)[0][:, 1]
-    return float(np.percentile(apart, 90.0))
+    few = points_mm[:: max(1, len(points_mm) // SAMPLE)]
+    square = (few**2).sum(axis=1)[:, None] + (points_mm**2).sum(axis=1) - 2.0 * few @ points_mm.T
+    nearest = np.partition(square, 1, axis=1)[:, 1]  # the very nearest is itself
+    return math.sqrt(max(0.0, float(np.percentile(nearest, 90.0))))
 
 
 def _points(local_mm: Float) -> dict[str, Any]:

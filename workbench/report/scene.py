@@ -14,7 +14,6 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
-import scipy
 from PIL import Image, ImageDraw, ImageFont
 
 from workbench.artefacts import ROOT_FACE, UNLABELLED, Cloud, Edge, Mark, Scene, Section
@@ -200,7 +199,7 @@ def picture(view: View) -> bytes:
     shade = scene.shadings[0]
     cloud = draw_cloud(scene.points_mm, shade.palette[shade.index], camera)
     known = np.nan_to_num(cloud.near_mm, nan=-np.inf)
-    near = scipy.ndimage.maximum_filter(known, GAP_PX)  # gaps between points hide as well
+    near = np.lib.stride_tricks.sliding_window_view(np.pad(known, GAP_PX // 2, mode="edge"), (GAP_PX, GAP_PX))
     image = Image.fromarray(cloud.rgb).resize((FINER * camera.width_px, FINER * camera.height_px), NEAREST)
     draw = ImageDraw.Draw(image, "RGBA")
     for strokes in scene.strokes:
@@ -240,7 +239,9 @@ def _draw_line(draw: ImageDraw.ImageDraw, seen: Float, colour: AnyArray) -> None
         draw.line([*map(tuple, ends.tolist())], fill=_shade(colour[piece[0]]), width=LINE_PX, joint="curve")
 
 
-def _draw_plane(draw: ImageDraw.ImageDraw, camera: Camera, near: Float32, mark: Mark) -> None:
+def _draw_plane(
+    draw: ImageDraw.ImageDraw, camera: Camera, near: Shaped[Float32, "rows columns gap gap"], mark: Mark
+) -> None:
     """A plane's outline, faint where the part hides it, with a tint and its name."""
     seen, colour = camera.project(mark.outline_mm), np.array(rgb(mark.colour))
     draw.polygon([*map(tuple, (FINER * seen[:4, :2]).tolist())], fill=_shade(colour, TINT))
@@ -256,11 +257,11 @@ def _draw_plane(draw: ImageDraw.ImageDraw, camera: Camera, near: Float32, mark: 
     draw.text((x, y), mark.key, font=_font(), fill=INK, anchor="mb")
 
 
-def _hidden(seen: Float, near_mm: Float32) -> Bool:
-    """(k,) whether places (column, row, near) lie behind the cloud."""
-    height, width = near_mm.shape
+def _hidden(seen: Float, near_mm: Shaped[Float32, "rows columns gap gap"]) -> Bool:
+    """(k,) whether places (column, row, near) lie behind the cloud; gaps between its points hide as well."""
+    height, width = near_mm.shape[:2]
     column, row = (np.clip(seen[:, k].astype(int), 0, size - 1) for k, size in ((0, width), (1, height)))
-    return np.asarray(near_mm[row, column] > seen[:, 2] + NOISE_MM)
+    return np.asarray(near_mm[row, column].max(axis=(1, 2)) > seen[:, 2] + NOISE_MM)
 
 
 def _draw_axes(

@@ -10,9 +10,10 @@ import os
 import re
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from workbench.errors import ArgumentError, nearest
+from workbench.errors import ArgumentError, PipelineError, StreamError, nearest, one_line
 from workbench.extras import require
 
 if TYPE_CHECKING:
@@ -34,30 +35,6 @@ RUN_EXAMPLES = """examples:
 VALUE is read as JSON if it parses, else as a text. A relative path is relative to the working directory here,
 and to the pipeline's own file inside it. The units stand in the names: _mm, _deg, _s, _mm_s."""
 
-OPTIONS = (
-    "input",
-    "set",
-    "out",
-    "mapping",
-    "traceback",
-    "version",
-    "workers",
-    "scheduler",
-    "time_limit_s",
-    "cache",
-    "plugin",
-    "draft",
-    "no_report",
-    "store",
-    "follow",
-    "stall_s",
-    "drawing",
-    "posture",
-    "turntable_deg",
-    "tilt_deg",
-    "port",
-    "no_browser",
-)
 BATCH_EXAMPLES = """examples:
   workbench batch pipelines/inspect_bevel.json parts/*.h5 --out out/july
   workbench batch pipelines/inspect_bevel.json parts/ --out out/july --workers 2 --input bevel_nominal_deg=37.5
@@ -74,8 +51,6 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Refuse the arguments."""
-        from workbench.errors import ArgumentError
-
         raise ArgumentError(self.prog, message)
 
 
@@ -211,14 +186,10 @@ def parse(argv: list[str], commands: Iterable[str]) -> argparse.Namespace:
     """Read the arguments; raises PipelineError with the nearest known name."""
     parser = build_parser()
     if argv and not argv[0].startswith("-") and argv[0] not in commands:
-        from workbench.errors import nearest
-
         parser.error(f"unknown command '{argv[0]}'{nearest(argv[0], commands)}")
     options, rest = parser.parse_known_args(argv)
     if rest:
-        from workbench.errors import nearest
-
-        known = ["--" + name.replace("_", "-") for name in vars(options) if name in OPTIONS]
+        known = option_words(parser, options.command)
         what = (
             f"unknown option '{rest[0]}'{nearest(rest[0], known)}"
             if rest[0][:1] == "-"
@@ -228,9 +199,20 @@ def parse(argv: list[str], commands: Iterable[str]) -> argparse.Namespace:
     return options
 
 
+def option_words(parser: argparse.ArgumentParser, command: str | None) -> list[str]:
+    """The options of a command, or those before one."""
+    actions = subparsers(parser)[command]._actions if command else parser._actions
+    return [text for action in actions for text in action.option_strings if text.startswith("--")]
+
+
+def subparsers(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """Each command's own parser."""
+    (found,) = (one for one in parser._actions if isinstance(one, argparse._SubParsersAction))
+    return found.choices
+
+
 def assignments(texts: list[str], option: str) -> dict[str, Any]:
     """`NAME=VALUE` texts as values by name: VALUE as JSON if it parses, else as it stands."""
-    from workbench.errors import ArgumentError, PipelineError
     from workbench.pipeline.document import parse_json
 
     values: dict[str, Any] = {}
@@ -249,7 +231,6 @@ def assignments(texts: list[str], option: str) -> dict[str, Any]:
 
 def run(options: argparse.Namespace) -> int:
     """Run a pipeline: results as files and as a table, progress on standard error."""
-    from workbench.errors import StreamError
     from workbench.pipeline import Pipeline
     from workbench.pipeline.terminal import Lines, print_files, print_findings
     from workbench.samples import shipped_pipeline
@@ -288,8 +269,6 @@ def run(options: argparse.Namespace) -> int:
     printed(print_files, results)
     status = 0 if results.passed else 1
     if options.store:
-        from pathlib import Path
-
         from workbench.page.records import keep_run
 
         keep_run(options.store, bare_name(options.pipeline), inputs, status, Path(out))
@@ -309,8 +288,6 @@ def default_out(pipeline: str) -> str:
 def check_store(options: argparse.Namespace) -> None:
     """Refuse a folder of `--store` that can take nothing, before anything is measured."""
     if options.store:
-        from pathlib import Path
-
         from workbench.page.store import Store
 
         Store.of(Path(options.store)).close()
@@ -318,8 +295,6 @@ def check_store(options: argparse.Namespace) -> None:
 
 def followed(options: argparse.Namespace, pipeline: Any, inputs: dict[str, Any], settings: dict[str, Any]) -> None:
     """Wait for the recording of `--follow`, which becomes the pipeline's input."""
-    from pathlib import Path
-
     from workbench.pipeline.follow import RECORDING, follow
 
     if RECORDING in inputs:
@@ -347,7 +322,6 @@ def batch(options: argparse.Namespace) -> int:
     check_store(options)
     from workbench.batch import run_batch
     from workbench.batch.run import print_batch
-    from workbench.errors import one_line
     from workbench.samples import shipped_pipeline
 
     made = run_batch(
@@ -392,7 +366,6 @@ def validate(options: argparse.Namespace) -> int:
 def stages(options: argparse.Namespace) -> int:
     """List the stages, or describe one."""
     load_plugins(options)
-    from workbench.errors import one_line
     from workbench.pipeline.catalogue import catalogue, find, print_stages
 
     if options.name:
@@ -453,8 +426,6 @@ def simulate(options: argparse.Namespace) -> int:
 
 def score(options: argparse.Namespace) -> int:
     """Print the score card of a submission; with --out, write it too."""
-    from pathlib import Path
-
     from workbench.score.command import score as scored
 
     out = Path(options.out) if options.out else None
@@ -464,8 +435,6 @@ def score(options: argparse.Namespace) -> int:
 
 def samples(options: argparse.Namespace) -> int:
     """Copy the shipped pipelines and data."""
-    from pathlib import Path
-
     from workbench.samples import copy_samples
 
     for made in copy_samples(Path(options.directory)):
@@ -501,16 +470,15 @@ def completion(options: argparse.Namespace) -> int:
     """Print a script for the shell: words of each command, and files."""
     from workbench.samples import pipelines
 
-    (commands,) = (one for one in build_parser()._actions if isinstance(one, argparse._SubParsersAction))
-    cases = []
-    for name, parser in commands.choices.items():
-        words = [text for action in parser._actions for text in action.option_strings if text.startswith("--")]
-        words += pipelines() if name in ("run", "validate", "batch") else []
+    parser, cases = build_parser(), []
+    commands = list(subparsers(parser))
+    for name in commands:
+        words = option_words(parser, name) + (pipelines() if name in ("run", "validate", "batch") else [])
         cases.append(f'    {name}) words="{" ".join(words)}" ;;')
     head = "autoload -U +X bashcompinit && bashcompinit\n" if options.shell == "zsh" else ""
     lines = "\n".join(cases)
     script = f"""{head}_workbench() {{
-  local words="{" ".join(commands.choices)}"
+  local words="{" ".join(commands)}"
   if [ "$COMP_CWORD" -gt 1 ]; then case "${{COMP_WORDS[1]}}" in
 {lines}
   esac; fi
@@ -548,7 +516,6 @@ def open_page(options: argparse.Namespace) -> int:
 
 def served(serve: Callable[..., None], options: argparse.Namespace) -> int:
     """Serve until somebody ends it, and tell the address."""
-    from pathlib import Path
 
     def tell(address: str) -> None:
         printed(print, f"{options.command}: {address}\nCtrl-C ends it")
@@ -587,6 +554,4 @@ def printed(write: Callable[..., None], *what: Any) -> None:
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python tries again at its end
         if not isinstance(error, BrokenPipeError):
-            from workbench.errors import StreamError
-
             raise StreamError("standard output", f"cannot be written: {error.strerror}") from None

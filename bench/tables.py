@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 FOLDER = "tables"  # beside the page
@@ -56,3 +56,11 @@ def written(page: Path, heading: str, head: Sequence[str], rows: Iterable[Sequen
     (page.parent / FOLDER).mkdir(exist_ok=True)
     (page.parent / FOLDER / name).write_text(out.getvalue(), encoding="utf-8")
     return f"{FOLDER}/{name}"
+
+
+def shortened(page: Path, text: str, heading: str, shown: Sequence[str], some: Callable[[list[str]], bool]) -> str:
+    """`text` with some rows and the shown columns of its table; all of it as CSV beside the page, linked at the end."""
+    head, _, *rows = ([cell.strip() for cell in line.split("|")[1:-1]] for line in TABLE.findall(text)[0].splitlines())
+    short = markdown(shown, ([row[head.index(name)] for name in shown] for row in rows if some(row)))
+    left = TABLE.sub(lambda _: "\n".join([*short, ""]), text).rstrip()
+    return f"{left}\n\n[All columns]({written(page, heading, head, rows)})."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -9,14 +10,16 @@ import numpy as np
 
 from bench.harness import ROOT
 from bench.score.measure import Result
-from bench.tables import folded, markdown, put_into, written
+from bench.tables import folded, markdown, put_into, shortened
 from workbench.score.scorer import card, scale
 
 HEAD = ("group", "simulator", "value", "parts", "refused", "score", "rms error", "median u", "within 2u, %")
 HEAD += ("worst error/u", "beyond 4u, %", "U/T <= 0.2, %")
+SHOWN = ("group", "value", "parts", "refused", "score", "median u", "within 2u, %", "beyond 4u, %", "U/T <= 0.2, %")
 ODD_SHARE = 0.15  # of a shop's parts
 Card = dict[str, float]
-ALL, SIMULATOR = "all", "simulator"
+ALL = "all"
+SEVERAL = re.compile(rf"^\| (.*?) \| {ALL} \| (.*?) \|", re.MULTILINE)  # of a table's row: group, value
 
 
 def lines_of(result: Result) -> Iterator[str]:
@@ -90,16 +93,6 @@ def put(text: str, marks: str) -> None:
 
 
 def summary(page: Path, text: str) -> str:
-    """Of every value the row of all simulators together where there are several; all rows stand in a CSV."""
-    rows = {line: cells for line in text.split("\n") if (cells := _cells(line))}
-    head, _, *others = rows.values()
-    if SIMULATOR not in head:
-        return text
-    several = {(row[0], row[2]) for row in others if row[1] == ALL}
-    apart = [line for line, row in rows.items() if row in others and row[1] != ALL and (row[0], row[2]) in several]
-    kept = "\n".join(line for line in text.split("\n") if line not in apart)
-    return f"{kept}\n\n[Every simulator by itself]({written(page, 'Simulators', head, others)})."
-
-
-def _cells(line: str) -> list[str]:
-    return [cell.strip() for cell in line.split("|")[1:-1]]
+    """Of every value the row of all simulators together where there are several."""
+    several = {(group, value) for group, value in SEVERAL.findall(text)}
+    return shortened(page, text, "Simulators", SHOWN, lambda row: row[1] == ALL or (row[0], row[2]) not in several)

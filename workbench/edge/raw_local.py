@@ -6,12 +6,11 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 
 from workbench.edge.directions import LOCAL_MM, TOGETHER_MM
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.processes import Shared
-from workbench.geometry.splines import Spline
+from workbench.geometry.splines import through
 from workbench.units import Bool, Float, Int, Shaped
 
 CELL_MM = 1.0  # by which frames are averaged first, so that all of the edge counts alike
@@ -62,10 +61,9 @@ def local_mean(s: Float, value: Float, pass_index: Int) -> Course:
     variance[in_part] += unseen_u2
     variance += 2.0 * (0.5 / np.maximum(there, 0.5)) ** 2 * single  # both ends of the window
     at_mm = np.asarray(cells.place[shown], dtype=float)
-    spline = scipy.interpolate.make_interp_spline(at_mm, cells.line(at_mm) + mean[shown], k=min(3, shown.size - 1))
     return replace(
         course,
-        spline=Spline(spline.t, spline.c, spline.k),
+        spline=through(at_mm, cells.line(at_mm) + mean[shown]),
         at_mm=at_mm,
         variance=variance[shown],
         slope_variance=np.zeros(shown.size),

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.edge.broken_end import BrokenEnd, FaceRim, broken_end, weights, whole_end
@@ -32,7 +31,7 @@ from workbench.geometry.grids import columns_to_next
 from workbench.geometry.processes import Process, Shared
 from workbench.geometry.sections import SectionLines, in_section, section_lines
 from workbench.geometry.silhouette import Ends, find_end, reached_mm, settled
-from workbench.geometry.splines import Spline
+from workbench.geometry.splines import Spline, through
 from workbench.units import Bool, Float, Int, Shaped
 
 MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's last return
@@ -61,7 +60,7 @@ class EndAlong:
     """The lower or the upper edge: its distance from the reference curve along m."""
 
     course: Course  # of its height: from where a straight line would run that the reference curve leaves by `bend`
-    bend: scipy.interpolate.CubicSpline  # arc length -> mm
+    bend: Spline  # arc length -> mm
     s: Shaped[Float, " N"]  # arc length at which each frame shows it; NaN where it does not
     broken: BrokenEnd  # of the N frames
     # by how much it may be off at each frame: what frames say does not run smoothly there
@@ -77,7 +76,7 @@ class OutAlong:
     """How far the end face stands out of the reference curve, along n."""
 
     course: Course  # from where a straight line would run, as that of `EndAlong`
-    bend: scipy.interpolate.CubicSpline
+    bend: Spline
     local: Course | None  # of a rough face: its mean over LOCAL_MM, from the curve
 
     def value(self, at: Float) -> Float:
@@ -282,8 +281,7 @@ def _squared(tilt: Course, stand_out: Course, face: SectionLines) -> Course:
     """Local means of the direction over rectangles of a rough face instead of the parallelograms of oblique frames."""
     run = between(face.s, face.run, tilt.at_mm)
     value = tilt.value(tilt.at_mm) - run * stand_out.slope(tilt.at_mm)
-    spline = scipy.interpolate.make_interp_spline(tilt.at_mm, value, k=tilt.spline.k)
-    return replace(tilt, spline=Spline(spline.t, spline.c, spline.k))
+    return replace(tilt, spline=through(tilt.at_mm, value))
 
 
 def _whole(found: RawFaces) -> Bool:
@@ -361,7 +359,7 @@ class _Sections(NamedTuple):
     curve: Curve
     s: Shaped[Float, " N"]  # about where each frame meets it, mm
     tilt: Course  # direction of the face, rad
-    bend: scipy.interpolate.CubicSpline  # of the face along m, mm
+    bend: Spline  # of the face along m, mm
 
 
 def _side(
@@ -433,7 +431,7 @@ def running_median(s: Float, value: Float, at: Float, reach_mm: float) -> Float:
     return np.interp(at, at[some], middle)
 
 
-def _bend(curve: Curve, tilt: Course, turn: float) -> scipy.interpolate.CubicSpline:
+def _bend(curve: Curve, tilt: Course, turn: float) -> Spline:
     """How far the reference curve leaves a straight line along m, or `turn` rad from it: the frames tell what is true.
 
     Else waves of the reference curve, which started from the middles of the face, would pass for the edge's.
@@ -442,9 +440,14 @@ def _bend(curve: Curve, tilt: Course, turn: float) -> scipy.interpolate.CubicSpl
     _, a, b = curve.frame(at)
     angle = tilt.value(at)[:, None] + turn
     curvature = (curve.curvature(at) * (np.cos(angle) * a + np.sin(angle) * b)).sum(axis=1)
-    slope = scipy.integrate.cumulative_trapezoid(curvature, at, initial=0.0)
-    bend = scipy.integrate.cumulative_trapezoid(slope - slope.mean(), at, initial=0.0)
-    return scipy.interpolate.CubicSpline(at, bend - bend.mean())
+    slope = _integral(curvature)
+    bend = _integral(slope - slope.mean())
+    return through(at, bend - bend.mean())
+
+
+def _integral(value: Float) -> Float:
+    """From the first place on, of values (k,) every ALONG_MM."""
+    return ALONG_MM * np.append(0.0, np.cumsum((value[:-1] + value[1:]) / 2))
 
 
 def _missing(found: RawFaces, ends: FaceEnds, pass_index: Int) -> Float:
@@ -496,7 +499,7 @@ def _end_along(
     cloud: Cloud,
     found: RawFaces,
     side: _Side,
-    bend: scipy.interpolate.CubicSpline,
+    bend: Spline,
     shared: Shared,
     whole: bool,
     condition: EdgeCondition,

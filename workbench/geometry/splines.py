@@ -63,7 +63,7 @@ class Spline:
 
 
 def through(x: Float, y: Float) -> Spline:
-    """The cubic spline through values y (n,) or (n, d) at rising places x (n,), n >= 4.
+    """The cubic spline through values y (n,) or (n, d) at rising places x (n,); n < 4: of degree n - 1.
 
     No break at the second place and the last but one (de Boor, ch. IV, not-a-knot).
 
@@ -72,12 +72,12 @@ def through(x: Float, y: Float) -> Spline:
         >>> bool(abs(through(x, x**3)(np.array([5.0]))[0] - 125.0) < 1e-9)
         True
     """
-    ends = np.full(CUBIC + 1, x[0]), np.full(CUBIC + 1, x[-1])
-    t, c = np.concatenate([ends[0], x[2:-2], ends[1]]), y.reshape(len(y), -1).astype(float)
-    rows = np.zeros((x.size, 2 * CUBIC + 1))
-    _at_places(as_input(t), as_input(x), rows)
-    _solve(rows, c)
-    return Spline(t, c.reshape(y.shape))
+    k = min(CUBIC, x.size - 1)
+    t, c = np.concatenate([[x[0]] * (k + 1), x[2:-2], [x[-1]] * (k + 1)]), y.reshape(len(y), -1).astype(float)
+    rows = np.zeros((x.size, 2 * k + 1))
+    _at_places(as_input(t), as_input(x), k, rows)
+    _solve(rows, k, c)
+    return Spline(t, c.reshape(y.shape), k)
 
 
 def hermite(x: Float, y: Float, slope: Float) -> Polynomials:
@@ -88,47 +88,47 @@ def hermite(x: Float, y: Float, slope: Float) -> Polynomials:
         >>> float(hermite(x[:, 0], x**3, 3.0 * x**2)(2.0)[0])
         8.0
     """
-    h, rise = np.diff(x)[:, None], np.diff(y, axis=0)
-    first, last = slope[:-1], slope[1:]
-    square, cube = (3.0 * rise / h - 2.0 * first - last) / h, (first + last - 2.0 * rise / h) / h**2
-    return Polynomials(as_input(x), as_input(np.stack([y[:-1], first, square, cube], axis=1)))
+    h, first = np.diff(x)[:, None], slope[:-1]
+    chord = np.diff(y, axis=0) / h
+    cube = (first + slope[1:] - 2.0 * chord) / h
+    return Polynomials(as_input(x), as_input(np.stack([y[:-1], first, (chord - first) / h - cube, cube / h], axis=1)))
 
 
 @kernel
-def _at_places(t: Float, x: Float, rows: Float) -> None:
-    """Fill rows (n, 7): at x[i] the values of the cubic splines i - 3 to i + 3 on knots t (n + 4,)."""
-    j, value = CUBIC, np.empty(CUBIC + 1)
+def _at_places(t: Float, x: Float, k: int, rows: Float) -> None:
+    """Fill rows (n, 2 k + 1): at x[i] the values of the splines i - k to i + k of degree k on knots t (n + k + 1,)."""
+    j, value = k, np.empty(k + 1)
     for i in range(x.size):
         while j < x.size - 1 and x[i] >= t[j + 1]:
             j += 1
-        value[:] = 0.0  # of the splines j - 3 to j, that are not 0 here
-        value[CUBIC] = 1.0
-        for degree in range(1, CUBIC + 1):
-            for r in range(CUBIC - degree, CUBIC + 1):
-                k, of, after = j - CUBIC + r, value[r], value[r + 1] if r < CUBIC else 0.0
-                value[r] = (x[i] - t[k]) / (t[k + degree] - t[k]) * of if r > CUBIC - degree else 0.0
-                if r < CUBIC:
-                    value[r] += (t[k + degree + 1] - x[i]) / (t[k + degree + 1] - t[k + 1]) * after
-        for r in range(CUBIC + 1):
+        value[:] = 0.0  # of the splines j - k to j, that are not 0 here
+        value[k] = 1.0
+        for degree in range(1, k + 1):
+            for r in range(k - degree, k + 1):
+                knot, of, after = j - k + r, value[r], value[r + 1] if r < k else 0.0
+                value[r] = (x[i] - t[knot]) / (t[knot + degree] - t[knot]) * of if r > k - degree else 0.0
+                if r < k:
+                    value[r] += (t[knot + degree + 1] - x[i]) / (t[knot + degree + 1] - t[knot + 1]) * after
+        for r in range(k + 1):
             rows[i, j + r - i] = value[r]
 
 
 @kernel
-def _solve(rows: Float, c: Float) -> None:
+def _solve(rows: Float, k: int, c: Float) -> None:
     """Replace right sides c (n, d) by the solutions; without pivots, as the matrix is totally positive."""
     size, components = c.shape
     for i in range(size):
-        for below in range(i + 1, min(i + CUBIC + 1, size)):
-            factor = rows[below, CUBIC + i - below] / rows[i, CUBIC]
-            for k in range(CUBIC + 1):
-                rows[below, CUBIC + i - below + k] -= factor * rows[i, CUBIC + k]
+        for below in range(i + 1, min(i + k + 1, size)):
+            factor = rows[below, k + i - below] / rows[i, k]
+            for m in range(k + 1):
+                rows[below, k + i - below + m] -= factor * rows[i, k + m]
             for d in range(components):
                 c[below, d] -= factor * c[i, d]
     for i in range(size - 1, -1, -1):
         for d in range(components):
-            for k in range(1, min(CUBIC, size - 1 - i) + 1):
-                c[i, d] -= rows[i, CUBIC + k] * c[i + k, d]
-            c[i, d] /= rows[i, CUBIC]
+            for m in range(1, min(k, size - 1 - i) + 1):
+                c[i, d] -= rows[i, k + m] * c[i + m, d]
+            c[i, d] /= rows[i, k]
 
 
 @kernel

@@ -12,13 +12,13 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 
 from workbench.artefacts import Edge, Layer, PathDeflection, RawEdge, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.geometry.course import fit_course
 from workbench.geometry.poses import quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
 from workbench.geometry.processes import Shared
+from workbench.geometry.splines import hermite, through
 from workbench.units import DEG, Bool, Float, Shaped
 
 BEND_MM = 2.0  # curvature is the turn of the tangent over this length on each side
@@ -149,7 +149,7 @@ def lower_course(edge: Edge, s: Float) -> Course:
         raise InputError("edge", "expected an edge of 1 mm or more to plan for")
     at = np.clip(s, 0.0, length)
     tangent, normal, across = _axes(edge, at)
-    lower = scipy.interpolate.CubicHermiteSpline(stations[seen], edge.position_mm[seen], unit(edge.tangent[seen]))
+    lower = hermite(stations[seen], edge.position_mm[seen], unit(edge.tangent[seen]))
     inside = (s > -1e-9) & (s < length + 1e-9)
     known = np.clip(at, *stations[seen][[0, -1]])  # straight on before the first and beyond the last seen
     return Course(
@@ -178,8 +178,8 @@ def edge_course(edge: RawEdge, s: Float, smoothing_mm: float) -> Course:
     upper, inward = _upper(edge, smoothing_mm)
     return replace(
         course,
-        upper_mm=scipy.interpolate.CubicSpline(stations, upper)(at),
-        inward=unit(scipy.interpolate.CubicSpline(stations, inward)(at)),
+        upper_mm=through(stations, upper)(at),
+        inward=unit(through(stations, inward)(at)),
     )
 
 
@@ -207,7 +207,7 @@ def with_thickness(course: Course, arc_length_mm: Float, thickness_mm: Float) ->
 
 def _axes(edge: Edge, at: Float) -> tuple[Float, Float, Float]:
     """t, n, m (k, 3), orthonormal with t = m x n."""
-    spline = scipy.interpolate.CubicSpline(edge.arc_length_mm, np.concatenate([edge.tangent, edge.normal], axis=1))
+    spline = through(edge.arc_length_mm, np.concatenate([edge.tangent, edge.normal], axis=1))
     both = spline(at)
     t = unit(both[:, :3])
     n = unit(both[:, 3:] - (both[:, 3:] * t).sum(axis=1, keepdims=True) * t)

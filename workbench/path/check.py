@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
 from typing import Annotated
 
@@ -22,7 +22,7 @@ from workbench.artefacts import (
     Toolpath,
     Travel,
 )
-from workbench.geometry.distances import ALWAYS, Stock, axis_distances, build_stock
+from workbench.geometry.distances import ALWAYS, axis_distances, build_stock
 from workbench.geometry.moves import step_lengths_mm
 from workbench.path.course import (
     LEAST_DEPTH_MM,
@@ -383,9 +383,18 @@ def collisions(
         yield f"the cutter's radius is no more than the {allowed:.2f} mm that it may enter: it cannot be checked"
         return
     in_stock = min(STOCK_SHARE * toolpath.depth_of_cut_mm + allowed, CORE_SHARE * radius)
+
+    def distances(after: int, most_mm: float) -> Callable[[Float, Float], Float]:
+        """To what stands after so many layers, as far as it tells whether the cutter enters it by so much."""
+        bound, flat = radius - most_mm, not toolpath.cutter.ball_end
+        return lambda start, end: axis_distances(
+            stock, start, end, np.full(len(start), after), np.full(len(start), bound), flat
+        )
+
     for points, done in moves_in_order(toolpath):
-        yield from _entered(toolpath, points, ALWAYS - 1, stock, allowed, "what must remain")
-        yield from _entered(toolpath, points, done, stock, in_stock, "the stock")
+        yield from entered(toolpath, points, distances(ALWAYS - 1, allowed), allowed, "what must remain")
+        idle = ~points.cutting if isinstance(points, Layer) else None
+        yield from entered(toolpath, points, distances(done, in_stock), in_stock, "the stock", idle)
 
 
 def _edge_u_mm(toolpath: Toolpath, edge: Edge) -> float:
@@ -400,20 +409,24 @@ def _edge_u_mm(toolpath: Toolpath, edge: Edge) -> float:
     return float(np.nanmax(u)) if np.isfinite(u).any() else 0.0
 
 
-def _entered(
-    toolpath: Toolpath, points: Layer | Travel, after: int, stock: Stock, allowed: float, what: str
+def entered(
+    toolpath: Toolpath,
+    points: Layer | Travel,
+    distances: Callable[[Float, Float], Float],
+    allowed: float,
+    what: str,
+    asked: Bool | None = None,
 ) -> Iterator[str]:
-    """The deepest place of a move at which the cutter is inside what stands after `after` layers."""
-    radius, (centre, axis) = toolpath.cutter.radius_mm, axes_of(toolpath, points)
-    at = np.arange(len(centre))
-    if isinstance(points, Layer) and after < ALWAYS - 1:
-        at = np.flatnonzero(~points.cutting)
-        centre, axis = centre[at], axis[at]
+    """The deepest place of a move, of those `asked` (k,), at which the cutter is inside something.
+
+    `distances`: of it from lines (k, 3), (k, 3), here the cutter's axis.
+    """
+    centre, axis = axes_of(toolpath, points)
+    at = np.arange(len(centre)) if asked is None else np.flatnonzero(asked)
+    centre, axis = centre[at], axis[at]
     if not len(at):
         return
-    start, end = shank_lines(toolpath, centre, axis, allowed)
-    bound, flat = np.full(len(start), radius - allowed), not toolpath.cutter.ball_end
-    depth = radius - axis_distances(stock, start, end, np.full(len(start), after), bound, flat)
+    depth = toolpath.cutter.radius_mm - distances(*shank_lines(toolpath, centre, axis, allowed))
     worst = int(np.argmax(depth))
     if depth[worst] > allowed + 1e-9:
         where = f"at {np.round(centre[worst], 1).tolist()} mm in a travel move"

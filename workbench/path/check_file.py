@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from itertools import chain
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Layer, PathGate, Toolpath
-from workbench.geometry.distances import LineIndex, line_distances
+from workbench.artefacts import PathGate, Toolpath
+from workbench.geometry.distances import line_distances
 from workbench.path.check import (
     HEIGHT_MM,
     PENETRATION_MM,
-    axes_of,
     cutter_faults,
     decision,
+    entered,
     insane,
-    shank_lines,
     weakened,
 )
 from workbench.path.feed import face_lines, moves_in_order
@@ -78,19 +78,5 @@ def _own_faults(toolpath: Toolpath, penetration_mm: float) -> Iterator[str]:
     if face is None:
         yield "the final layer cuts nothing"
         return
-    yield from _entered(toolpath, face, penetration_mm)
-
-
-def _entered(toolpath: Toolpath, face: LineIndex, allowed: float) -> Iterator[str]:
-    """The deepest place of each move at which the cutter is inside the finished bevel."""
     for points, _ in moves_in_order(toolpath):
-        centre, axis = axes_of(toolpath, points)
-        if not len(centre):
-            continue
-        ends = shank_lines(toolpath, centre, axis, allowed)
-        depth = toolpath.cutter.radius_mm - line_distances(face, *ends)
-        worst = int(np.argmax(depth))
-        if depth[worst] > allowed + 1e-9:
-            where = f"in layer {points.index}" if isinstance(points, Layer) else "in a travel move"
-            place = np.round(centre[worst], 1).tolist()
-            yield f"the cutter enters the finished bevel by {depth[worst]:.2f} mm {where} at {place} mm"
+        yield from entered(toolpath, points, partial(line_distances, face), penetration_mm, "the finished bevel")

@@ -24,6 +24,7 @@ from workbench.path.plan import (
     known_well,
     make_layer,
     make_plan,
+    path_of,
     refuse_allowance,
     refuse_compound,
     refuse_cutter,
@@ -31,7 +32,6 @@ from workbench.path.plan import (
     refuse_partial_view,
     refuse_requirement,
     refuse_small_root,
-    travels_of,
 )
 from workbench.result_files import RobotFile, ToolFile, TurntableFile
 from workbench.stage import InputFile, stage
@@ -142,7 +142,8 @@ def layers(
         if to.fillet_mm:
             refuse_fillet(course, at, to, cutter_diameter_mm, _beside_fillet(upper, finish_allowance_mm))
         refuse_allowance(course, at, to, finish_allowance_mm, depth_of_cut_mm)
-        flute_mm = flute_length_mm or _flute_length(course, at, to)
+        widest = to.width_mm(course, 0.0)[at].max() + to.fillet_mm
+        flute_mm = flute_length_mm or float(math.ceil(widest + 2.0 * FLUTE_SPARE_MM))
         cutter = Cutter(cutter_diameter_mm, flutes, flute_mm, ball_end=to.fillet_mm > 0.0)
         refuse_cutter(course, at, to, cutter, depth_of_cut_mm)
         return known, course, cutter
@@ -169,17 +170,8 @@ def layers(
         before: tuple[Layer, ...] = ()
         if milled is not None:  # nothing stands there so high above this bevel
             before = (replace(make_layer(plan, 1, float(plan.stock_mm.max())), cutting=milled),)
-        return Toolpath(
-            cutter=of[2],
-            layers=cut,
-            travels=travels_of(plan, cut, of[2]),
-            root_mm=to.root_mm,
-            bevel_deg=to.angle / DEG,
-            depth_of_cut_mm=depth_of_cut_mm,
-            v_slow_mm_s=v_slow_mm_s,
-            edge_length_mm=length,
-            part=cloud.part,
-            source=cloud.source,
+        return replace(
+            path_of(plan, cut, of[2], depth_of_cut_mm, cloud),
             refused=_refused(plan, cut[-1]),
             warnings=of[0].warnings,
             evidence=edge.checks,
@@ -198,11 +190,6 @@ def layers(
     before = tuple(replace(layer, height_mm=layer.height_mm + finish_allowance_mm) for layer in earlier)
     finishing = replace(path(bevel, lambda _: np.array([finish_allowance_mm, 0.0])), before=before)
     return replace(first, finish_allowance_mm=finish_allowance_mm, finishing=finishing)
-
-
-def _flute_length(course: Course, at: Bool, bevel: Bevel) -> float:
-    """Just over the widest face and a ball end, in whole mm."""
-    return float(math.ceil(bevel.width_mm(course, 0.0)[at].max() + bevel.fillet_mm + 2.0 * FLUTE_SPARE_MM))
 
 
 def _beside_fillet(upper: Bevel | None, finish_allowance_mm: float) -> str:

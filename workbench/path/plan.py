@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.artefacts import ChainU, Cloud, Cutter, Edge, Layer, RawEdge, Travel
+from workbench.artefacts import ChainU, Cloud, Cutter, Edge, Layer, RawEdge, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.geometry.moves import runs
 from workbench.path.course import LEAST_DEPTH_MM, Bevel, Course, bevel_normal, tool_quaternions
@@ -210,7 +210,8 @@ def known_well(
             f"{100 * least_seen_share:.0f} % (least_seen_share): typically to "
             f"{np.median(root_mm[edge.seen]):.2g} of {root_tolerance_mm:g} mm (root_tolerance_mm) and "
             f"{np.median(angle_deg[edge.seen]):.2g} of {bevel_tolerance_deg:g} deg (1.645 u)"
-            + (f"; with {_named(chain)}" if chain is not None else ""),
+            + ("" if chain is None else f"; with {' and '.join(chain.rests_on)} known to {place_mm:.2g} mm and ")
+            + ("" if chain is None else f"{turn / DEG:.2g} deg (u)"),
         )
     told = tuple(
         f"arc length {a:.0f} to {b:.0f} mm: not cut, the scan does not tell the edge well enough: "
@@ -219,10 +220,6 @@ def known_well(
         for on in [(edge.arc_length_mm >= a - 1e-6) & (edge.arc_length_mm <= b + 1e-6) & edge.seen & ~known]
     )
     return replace(edge, seen=known, warnings=edge.warnings + told)
-
-
-def _named(chain: ChainU) -> str:
-    return f"{' and '.join(chain.rests_on)} known to {chain.place_mm:.2g} mm and {chain.turn / DEG:.2g} deg (u)"
 
 
 def refuse_requirement(course: Course, at: Bool, bevel: Bevel) -> None:
@@ -387,8 +384,19 @@ def make_plan(
     return Plan(course, bevel, stock, outward, quaternion, lifts, clear, air, length, v_slow_mm_s)
 
 
-def travels_of(plan: Plan, cut: tuple[Layer, ...], cutter: Cutter) -> tuple[Travel, ...]:
-    """Travel moves, a clearance above all that the layers pass above."""
+def path_of(plan: Plan, cut: tuple[Layer, ...], cutter: Cutter, depth_of_cut_mm: float, cloud: Cloud) -> Toolpath:
+    """The path of layers, with travel moves a clearance above all that these pass above."""
     high = max([plan.clear_mm, *(lift.height_mm for lift in plan.lifts)]) + plan.air.over_mm
     refuse_tight_curve(plan.course, plan.bevel, np.full(plan.stock_mm.shape, high), cutter)
-    return make_travels(plan, cut, high)
+    return Toolpath(
+        cutter=cutter,
+        layers=cut,
+        travels=make_travels(plan, cut, high),
+        root_mm=plan.bevel.root_mm,
+        bevel_deg=plan.bevel.angle / DEG,
+        depth_of_cut_mm=depth_of_cut_mm,
+        v_slow_mm_s=plan.v_slow_mm_s,
+        edge_length_mm=plan.length_mm,
+        part=cloud.part,
+        source=cloud.source,
+    )

@@ -23,8 +23,8 @@ from workbench.path.plan import (
     key_points,
     make_layer,
     make_plan,
+    path_of,
     refuse_cutter,
-    travels_of,
 )
 from workbench.stage import stage
 from workbench.units import DEG, Bool, Float, Shaped
@@ -145,9 +145,14 @@ def rework(
     raw = unmilled(edge, toolpath)
     too_much, too_little = excess.fails & ~excess.lacks & ~raw, excess.lacks & ~raw
     told = _stretches(table, excess, too_much), _stretches(table, excess, too_little)
-    path, warnings = None, (*edge.warnings, *_left_out(edge, excess.fails & raw))
+    left_out = (
+        f"arc length {a:.1f} to {b:.1f} mm was not milled: not judged here"
+        for a, b in cut_stretches(edge.arc_length_mm, excess.fails & raw)
+    )
+    path, warnings = None, (*edge.warnings, *left_out)
     if too_much.any():
-        wanted = _widened(edge.arc_length_mm, too_much, overlap_mm)
+        s = edge.arc_length_mm
+        wanted = [(max(a - overlap_mm, 0.0), min(b + overlap_mm, float(s[-1]))) for a, b in cut_stretches(s, too_much)]
         air = Air(clearance_mm, side_clearance_mm, ramp_mm, lead_mm)
         try:
             path = _path(edge, cloud, toolpath, table, bevel, excess, wanted, air)
@@ -157,18 +162,6 @@ def rework(
         except InputError as refused:  # the rest of the answer holds
             path, warnings = None, (*warnings, f"no path for the rework: {refused}")
     return Rework(path, *told, _reason(*told), warnings, inspection.part)
-
-
-def _left_out(edge: MilledEdge, mask: Bool) -> tuple[str, ...]:
-    return tuple(
-        f"arc length {a:.1f} to {b:.1f} mm was not milled: not judged here"
-        for a, b in cut_stretches(edge.arc_length_mm, mask)
-    )
-
-
-def _widened(s: Float, mask: Bool, by_mm: float) -> list[tuple[float, float]]:
-    """Runs of True as arc lengths, each wider by `by_mm` at both ends, within the edge."""
-    return [(max(a - by_mm, 0.0), min(b + by_mm, float(s[-1]))) for a, b in cut_stretches(s, mask)]
 
 
 def _path(
@@ -197,18 +190,7 @@ def _path(
         raise InputError("edge", "what fails lies beside clamps or was not measured: the cutter cannot reach it")
     heights = layer_heights(stock[down], before.depth_of_cut_mm)
     cut = tuple(make_layer(plan, k + 1, float(h)) for k, h in enumerate(heights))
-    return Toolpath(
-        cutter=before.cutter,
-        layers=cut,
-        travels=travels_of(plan, cut, before.cutter),
-        root_mm=bevel.root_mm,
-        bevel_deg=bevel.angle / DEG,
-        depth_of_cut_mm=before.depth_of_cut_mm,
-        v_slow_mm_s=before.v_slow_mm_s,
-        edge_length_mm=plan.length_mm,
-        part=cloud.part,
-        source=cloud.source,
-    )
+    return path_of(plan, cut, before.cutter, before.depth_of_cut_mm, cloud)
 
 
 def _between(wanted: list[tuple[float, float]], clear_mm: float, ramp_mm: float) -> list[Lift]:

@@ -69,7 +69,10 @@ def simplify(
         >>> len(moves.feed_mm_s) < moves.points_before / 5
         True
     """
-    every = _points(toolpath) if postures is None else _postured(toolpath, postures)
+    if postures is not None and postures.toolpath is not toolpath:
+        raise InputError("postures", "expected those of this path, found another path's")
+    of_postures = None if postures is None else Points(*(getattr(postures, name) for name in Points._fields))
+    every = of_postures or _points(toolpath)
     points, kept = _different(every)
     if chord_tolerance_mm == 0 and angle_tolerance_deg == 0:
         targets, circular = np.arange(len(points.layer)), np.zeros(len(points.layer), bool)
@@ -136,12 +139,6 @@ def _even(points: Points) -> Int:
             most, least = min(most, (gone + OFF_TRACK_MM) / way), max(least, (gone - OFF_TRACK_MM) / way)
         piece[i] = start
     return piece
-
-
-def _postured(toolpath: Toolpath, postures: Postures) -> Points:
-    if postures.toolpath is not toolpath:
-        raise InputError("postures", "expected those of this path, found another path's")
-    return Points(*(getattr(postures, name) for name in Points._fields))
 
 
 def _points(toolpath: Toolpath) -> Points:

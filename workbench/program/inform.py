@@ -316,7 +316,8 @@ class Inform(Numbered):
         user, place = ("", kind) if self.frame is None else (f"\n///USER {self.frame}", f"USER {self.frame}")
         content = [JOB.say("header", name=name, count=self._count, user=user, tool=self.tool, kind=kind)]
         content += [*self._positions(), JOB.say("instructions", frame=place)]
-        content += [piece for line in text.splitlines() for piece in _short(line)]
+        for line in text.splitlines():
+            content += [f"'{piece}" for piece in cut(line[1:], REMARK)] if line.startswith("'") else [line]
         return {f"{name}.JBI": "\n".join([*content, ""]).replace("\n", "\r\n")}
 
     def _positions(self) -> Iterator[str]:
@@ -358,10 +359,6 @@ class Inform(Numbered):
 def _rows(poses: Float) -> list[list[float]]:
     """X, Y, Z, Rz, Ry, Rx of poses (k, 4, 4): 3 decimals of a mm, 4 of a degree."""
     return euler_rows(poses[:, :3, 3], quaternion_from_rotation(poses[:, :3, :3]), 3, 4)
-
-
-def _short(line: str) -> list[str]:
-    return [f"'{piece}" for piece in cut(line[1:], REMARK)] if line.startswith("'") else [line]
 
 
 def inform_configuration(chain: Chain, joints: Float) -> Configuration:

@@ -40,19 +40,14 @@ def frame_faults(
         return None, ()
     if maker is None:
         return None, (f"that base and flange are the controller's: no rule is known for '{program.dialect}'",)
-    finding = _square(cell.chain, maker)
-    if finding is None:
+    finding: str | None = (
+        f"axes 1 and 2 are not at right angles: expected a robot of {maker.name}'s, whose base is known by them"
+    )
+    if abs(cell.chain.axes[0] @ cell.chain.axes[1]) < np.sin(NEAR):
         base, tool = _base(cell, maker), tools[posed[0].tool]
         finding = _senses(cell.chain, maker, base) or _elsewhere(cell, maker, base, program.moves[0], tool)
     fault = None if finding is None else Violation(posed[0].line, 0.0, "frame", finding)
     return fault, tuple(_unnamed(cell.chain, maker))
-
-
-def _square(chain: Chain, maker: Maker) -> str | None:
-    """Why the rule cannot be followed at all."""
-    if abs(chain.axes[0] @ chain.axes[1]) < np.sin(NEAR):
-        return None
-    return f"axes 1 and 2 are not at right angles: expected a robot of {maker.name}'s, whose base is known by them"
 
 
 def _base(cell: Cell, maker: Maker) -> Float:

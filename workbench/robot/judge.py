@@ -399,7 +399,7 @@ def _judgement(
         postures=len(everywhere),
         clearance_mm=min(found.proven_mm, least),
         clearance_pair=_names(cell, found.proven_pair if found.proven_mm <= least else pair),
-        limit_margin=min(found.proven_margin, _nanmin(along["limit_margin"])),
+        limit_margin=min(found.proven_margin, float(np.nanmin(along["limit_margin"], initial=np.inf))),
         wrist=min(found.proven_wrist, np.pi / 2),
         condition=float(np.nanmax(along["condition"])) if np.isfinite(along["condition"]).any() else np.nan,
         speed_share=max(share, timed_share),
@@ -448,10 +448,6 @@ def _names(cell: Cell, pair: int) -> tuple[str, str] | None:
         return None
     model = CollisionModel(cell)
     return model.names(*model.pairs[pair])
-
-
-def _nanmin(values: Float) -> float:
-    return float(np.nanmin(values)) if np.isfinite(values).any() else float("nan")
 
 
 def _arc_lookup(places: Places, arc: Float) -> ArcLookup:

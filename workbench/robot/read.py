@@ -31,7 +31,6 @@ from workbench.robot.cell_file import (
     Pose,
     RobotPart,
     ShapePart,
-    ToolPart,
     TrackPart,
     TurntablePart,
     UncertaintyPart,
@@ -93,7 +92,11 @@ def read_cell(path: Path) -> Cell:
     rails = [(one, base.body) for one in sorted(before) for base in links if base.link == 0 and base.body not in before]
     links = tuple(_on_floor(shape, external) if shape.body in before else shape for shape in links)
     cutter = _pose(part.tool.flange_from_cutter, f"{path}: $.tool.flange_from_cutter")
-    shapes = (*links, *_tool(part.tool, chain.base_from_flange_at_zero, path), *_around(part, external, path))
+    tool = [
+        _shape(shape, shape.body, 6, chain.base_from_flange_at_zero, f"{path}: $.tool.shapes[{i}]", path)
+        for i, shape in enumerate(part.tool.shapes)
+    ]
+    shapes = (*links, *tool, *_around(part, external, path))
     known = {shape.body for shape in shapes} | {"tool", "cutter", "workpiece"}  # a scan may become the workpiece
     for name in (name for pair in part.may_touch for name in pair):
         if name not in known:
@@ -280,13 +283,6 @@ def _inverse_warning(chain: Chain) -> str | None:
     except InputError as error:
         return f"no inverse kinematics: {error}" if offset_wrist(chain) is None else None
     return None
-
-
-def _tool(part: ToolPart, base_from_flange: Float, path: Path) -> list[Shape]:
-    return [
-        _shape(shape, shape.body, 6, base_from_flange, f"{path}: $.tool.shapes[{i}]", path)
-        for i, shape in enumerate(part.shapes)
-    ]
 
 
 def _stands(external: Turntable | None) -> dict[str, tuple[int, Float]]:

@@ -161,15 +161,11 @@ def _validation(found: Validation) -> Iterable[str]:
         f"{found.freedom}."
     )
     rows = [
-        (f"{frames[0]}", *(_pair(e, u) for e, u in zip(error, spread, strict=True)))
+        (f"{frames[0]}", *(f"{e:+.3f}, {u:.3f}" if np.isfinite(e) else "–" for e, u in zip(error, spread, strict=True)))
         for frames, error, spread in zip(found.frames, found.error_mm, found.u_mm, strict=True)
     ]
     head = ("First frame", "x: error, u, mm", "y: error, u, mm", "z: error, u, mm")
     yield pieces.table_html(head, rows[:MOST_ROWS])
-
-
-def _pair(error: float, u: float) -> str:
-    return f"{error:+.3f}, {u:.3f}" if np.isfinite(error) else "–"
 
 
 def _plan(plan: PosturePlan) -> Iterable[str]:

@@ -192,7 +192,12 @@ def tracker(
     residual, count = found.rows.residual[found.used], len(every.targets)
     rms = float(np.sqrt(np.mean(residual**2)))
     if not rms <= MOST_MM:
-        raise _no_such_robot(where, arm, rms)
+        raise InputError(
+            where,
+            f"the readings lie {rms:.3g} mm RMS from where {'such a robot' if len(arm) else 'these poses'} would put "
+            "them: are joint angles in deg, in the URDF's order and senses, poses the flange's, positions in mm and "
+            "right-handed, rows in the order of the postures?",
+        )
     check_misfit(found, labels)
     built = estimator.fit(
         Tracking(every, chain, NO_ERRORS, sigma), replace(start, errors=np.zeros(0)), found.used
@@ -228,15 +233,6 @@ def tracker(
         f"Readings lie {rms:.3f} mm RMS an axis from the model, {more['residual_rms_as_built_mm']:.3f} mm as built. "
         f"{fit_words(found)}",
         UNKNOWN_PART.with_names(part),
-    )
-
-
-def _no_such_robot(where: str, arm: ArmErrors, rms_mm: float) -> InputError:
-    by = "such a robot" if len(arm) else "these poses"
-    return InputError(
-        where,
-        f"the readings lie {rms_mm:.3g} mm RMS from where {by} would put them: are joint angles in deg, in the URDF's "
-        "order and senses, poses the flange's, positions in mm and right-handed, rows in the order of the postures?",
     )
 
 

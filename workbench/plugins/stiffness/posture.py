@@ -367,7 +367,8 @@ def _gate(gate: PathGate | None, found: Found, force: MillingForce) -> PathGate 
 
 def posture_document(found: Found) -> bytes:
     """`points` are the layers' in their order; `travels` those of the travel moves, which come in between."""
-    made = found.postures
+    made, kept = found.postures, found.choice.steady  # from chatter, of the constant pair, less U; infinite: null
+    margin = {"least_margin_asked": found.asked, "least_margin": found.choice.margin, "margin_kept": kept}
     return PostureFile.written(
         {
             "format": "posture",
@@ -379,7 +380,7 @@ def posture_document(found: Found) -> bytes:
                 "configuration": list(found.configuration),
                 **_measured(found, found.cost.mean()),
                 "cells_examined": found.choice.examined,
-                **_margin(found),
+                **({} if found.asked is None else margin),
             },
             "compared": {name: None if case is None else _case(found, case) for name, case in found.cases.items()},
             "pointwise_bound_mm": None if found.bound is None else found.bound.mean(),
@@ -411,17 +412,6 @@ def _measured(found: Found, mean: Any) -> dict[str, Any]:
     if found.measure == DISPLACEMENT:
         return {"mean_displacement_mm": mean}
     return {"mean_displacement_mm": np.full(np.shape(mean), np.nan), "mean_awkwardness": mean}
-
-
-def _margin(found: Found) -> dict[str, Any]:
-    """From chatter, of the constant pair, by the screen, less U; infinite margins are null."""
-    if found.asked is None:
-        return {}
-    return {
-        "least_margin_asked": found.asked,
-        "least_margin": found.choice.margin,
-        "margin_kept": found.choice.steady,
-    }
 
 
 def _case(found: Found, case: Case) -> dict[str, Any]:

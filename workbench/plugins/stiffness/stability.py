@@ -155,8 +155,8 @@ def _least(judge: Judge, depth: Float) -> float:
 class Judge:
     """Spectral radius of the map over one tooth's period, for one place."""
 
-    def __init__(self, dynamics: Dynamics, cut: Milling, steps: int | None = None) -> None:
-        self.cut, self.steps = cut, steps or max(STEPS, int(np.ceil(PER_SWING * dynamics.fastest_hz * cut.period_s)))
+    def __init__(self, dynamics: Dynamics, cut: Milling) -> None:
+        self.cut, self.steps = cut, max(STEPS, int(np.ceil(PER_SWING * dynamics.fastest_hz * cut.period_s)))
         n, step = dynamics.shape.shape[2], cut.period_s / self.steps
         whole = np.zeros((2 * n + 6, 2 * n + 6))  # q, q' in periods, force, slope of the force
         whole[:n, n : 2 * n] = np.eye(n) / cut.period_s

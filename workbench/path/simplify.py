@@ -38,7 +38,6 @@ def simplify(
     chord_tolerance_mm: Annotated[float, Field(ge=0, le=5)] = 0.01,
     angle_tolerance_deg: Annotated[float, Field(ge=0, le=10)] = 0.05,
     feed_tolerance: Annotated[float, Field(ge=0, le=10)] = 0.1,
-    air_feed_tolerance: Annotated[float, Field(ge=0, le=10)] = 1.0,
     arcs: bool = True,
     least_sweep_deg: Annotated[float, Field(gt=0, le=90)] = 4.2,
 ) -> Moves:
@@ -54,8 +53,7 @@ def simplify(
         postures: how robot, cutter and turntable stand along it.
         chord_tolerance_mm: greatest distance of a key point from its move.
         angle_tolerance_deg: greatest angle between its orientation and the move's there.
-        feed_tolerance: share by which a key point's feed may exceed its move's, where it cuts.
-        air_feed_tolerance: the same share in travel moves.
+        feed_tolerance: share by which a key point's feed may exceed its move's, where it cuts; 1 in travel moves.
         arcs: circular moves too; false: straight ones only.
         least_sweep_deg: of a circular move (ABB requires 1 deg in a quarter of it); less stays straight.
 
@@ -82,7 +80,7 @@ def simplify(
             points.position_mm,
             points.quaternion_wxyz,
             points.feed_mm_s,
-            np.where(points.cutting, feed_tolerance, air_feed_tolerance),
+            np.where(points.cutting, feed_tolerance, 1.0),
             _labels(points, on_track=postures is not None and postures.on_track),
             Tolerances(
                 chord_tolerance_mm,

@@ -36,6 +36,7 @@ from workbench.robot.cell import Cell
 from workbench.robot.collision import turntable_pose
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import forward_kinematics
+from workbench.robot.way import nearest_branch
 from workbench.units import DEG, AnyArray, Float, Int
 
 COLUMNS = ("time_s", *(f"j{i}_deg" for i in range(1, 7)), "turntable_deg", "layer")
@@ -163,9 +164,7 @@ class Trajectory:
         off = np.asarray(apart @ np.array([self.job.moves.toolpath.cutter.flute_length_mm, 1.0]))
         left = np.flatnonzero(off > ROW_SHARE * self.job.rounding_mm)
         branches = inverse_kinematics(cell.chain, wanted[left] @ inverse(made.flange_from_point))
-        near = branches + 2 * np.pi * np.round((even[left, None, :6] - branches) / (2 * np.pi))
-        away = np.nan_to_num(np.abs(near - even[left, None, :6]).max(axis=2), nan=np.inf)
-        best = near[np.arange(len(left)), away.argmin(axis=1)]
+        best = nearest_branch(branches, np.ascontiguousarray(even[left, :6]))
         even[left, :6] = np.where(np.isfinite(best), best, even[left, :6])
         return off, even
 

@@ -14,6 +14,7 @@ from workbench.robot.cell_file import HomePart, ProcessPart
 from workbench.robot.collision import outermost
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import forward_kinematics
+from workbench.robot.way import nearest_branch
 from workbench.units import DEG, Float, Shaped
 
 NO_PROCESS = "the way to the first posture and back home, spindle and coolant: the program does none of it"
@@ -92,10 +93,8 @@ def drawn_back(cell: Cell, joints: Shaped[Float, " 6"], distance_mm: float) -> F
     """The posture (6,) with the cutter drawn back along its axis: of all, the nearest to `joints`; None: none."""
     flange = forward_kinematics(cell.chain, joints)
     flange[:3, 3] -= distance_mm * (flange @ cell.flange_from_cutter)[:3, 2]
-    branches = inverse_kinematics(cell.chain, flange[None])[0]
-    near = branches + 2 * np.pi * np.round((joints - branches) / (2 * np.pi))
-    away = np.abs(near - joints).max(axis=1)
-    return np.asarray(near[np.nanargmin(away)]) if np.isfinite(away).any() else None
+    (found,) = nearest_branch(inverse_kinematics(cell.chain, flange[None]), joints[None])
+    return None if np.isnan(found).any() else np.asarray(found)
 
 
 def turntable_at_home(home: HomePart, first_deg: Float | float) -> Float:

@@ -11,7 +11,7 @@ from workbench.artefacts import Layer, Toolpath, Travel
 from workbench.geometry.poses import interpolate_poses, inverse
 from workbench.robot.cell import Cell
 from workbench.robot.collision import turntable_pose
-from workbench.units import DEG, AnyArray, Float, Int, Shaped
+from workbench.units import DEG, Float, Int, Shaped
 
 NEAR_MM = 20.0  # along the way, in which a place looks for its counterpart on the path
 MOST_STEP_MM = 1.0  # between points of the path that are compared with
@@ -161,9 +161,12 @@ def _part(planned: Planned, name: str, fine: Float, axis: Float, tool: Float) ->
     there, back = _along(driven[:, :3, 3]), _along(fine)
     if abs(there[-1] - back[-1]) > 0.01 * back[-1] + NEAR_MM / 2:
         return f"{name} of the path is {back[-1]:.1f} mm long, the program drives {there[-1]:.1f} mm"
-    off = _apart(driven, there * back[-1] / max(there[-1], 1e-9), fine, axis, back, lever)
+    off, at, share = _nearest(driven[:, :3, 3], there * back[-1] / max(there[-1], 1e-9), fine, back)
+    z = axis[at] + share[:, None] * (axis[at + 1] - axis[at])
+    z /= np.maximum(np.linalg.norm(z, axis=1, keepdims=True), 1e-12)
+    off = off + lever * np.linalg.norm(np.cross(z, driven[:, :3, 2]), axis=1)
     along = back * there[-1] / max(back[-1], 1e-9)
-    missed = _apart_points(fine, along, driven[:, :3, 3], there)
+    missed = _nearest(fine, along, driven[:, :3, 3], there)[0]
     worst = int(missed.argmax())
     nearest = min(int(np.searchsorted(there, along[worst])), len(off) - 1)
     off[nearest] = max(off[nearest], float(missed[worst]))
@@ -209,33 +212,14 @@ def _densified(path: Toolpath, position: Float, quaternion: Float, feed: Float) 
     return path.in_base(points), axes[:, :, 2] @ turned.T, speed
 
 
-def _windows(places: Float, along: Float) -> Iterator[Int]:
-    """For each shift in turn the segment of `along` that each of `places` (arc lengths) is compared with."""
+def _nearest(points: Float, places: Float, chain: Float, along: Float) -> tuple[Float, Int, Float]:
+    """Distance of points (k, 3) from a chain (m, 3) near the same arc length; the segment, and the share of it."""
     low = np.searchsorted(along, places - NEAR_MM).clip(0, len(along) - 2)
     high = np.searchsorted(along, places + NEAR_MM).clip(0, len(along) - 2)
+    best, at, of = np.full(len(points), np.inf), np.zeros(len(points), int), np.zeros(len(points))
     for shift in range(int((high - low).max()) + 1):
-        yield np.minimum(low + shift, high)
-
-
-def _apart(driven: Float, places: Float, fine: Float, axes: Float, along: Float, lever: float) -> Float:
-    """Distance (k,) of the driven axis from the path's near the same arc length, and its tilt times the lever."""
-    best, axis = np.full(len(driven), np.inf), np.zeros((len(driven), 3))
-    for segment in _windows(places, along):
-        start = fine[segment]
-        distance, share = _to_segments(driven[:, :3, 3], start, fine[segment + 1] - start)
+        segment = np.minimum(low + shift, high)
+        distance, share = _to_segments(points, chain[segment], chain[segment + 1] - chain[segment])
         nearer = distance < best
-        best = np.where(nearer, distance, best)
-        z = axes[segment] + share[:, None] * (axes[segment + 1] - axes[segment])
-        axis[nearer] = z[nearer]
-    axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-12)
-    tilt = np.linalg.norm(np.cross(axis, driven[:, :3, 2]), axis=1)
-    return np.asarray(best + lever * tilt)
-
-
-def _apart_points(points: Float, places: Float, driven: Float, along: Float) -> Float:
-    """Distance (m,) of the path's points from the driven way near the same arc length."""
-    best: AnyArray = np.full(len(points), np.inf)
-    for segment in _windows(places, along):
-        start = driven[segment]
-        best = np.minimum(best, _to_segments(points, start, driven[segment + 1] - start)[0])
-    return np.asarray(best)
+        best[nearer], at[nearer], of[nearer] = distance[nearer], segment[nearer], share[nearer]
+    return best, at, of

@@ -397,7 +397,7 @@ def between(cell: Cell, way: Way, before: Places, after: Places) -> Places:
     space = ~by_joints
     if space.any():
         wanted = (before.joints[space] + after.joints[space]) / 2
-        joints[space] = _nearest(inverse_kinematics(cell.chain, flange[space]), wanted)
+        joints[space] = nearest_branch(inverse_kinematics(cell.chain, flange[space]), wanted)
     return _standing(cell, way, segment, share, joints, tool, table)
 
 
@@ -436,8 +436,8 @@ def _follow(branches: AnyArray, start: AnyArray) -> AnyArray:
 
 
 @kernel
-def _nearest(branches: AnyArray, wanted: AnyArray) -> AnyArray:
-    """Of branches (n, b, 6) the one nearest to `wanted` (n, 6), whole turns added."""
+def nearest_branch(branches: AnyArray, wanted: AnyArray) -> AnyArray:
+    """Of branches (n, b, 6) the one nearest to `wanted` (n, 6), whole turns added; NaN: there is none."""
     found = np.full((len(branches), 6), np.nan)
     for n in range(len(branches)):
         _choose(branches[n], wanted[n], found[n])

@@ -51,7 +51,6 @@ def force(
     axial_depth_mm: Annotated[float | None, Field(gt=0, le=200)] = None,
     helix_deg: Annotated[float, Field(ge=0, le=60)] = 30.0,
     runout_mm: Annotated[float, Field(ge=0, le=1)] = 0.0,
-    runout_angle_deg: Annotated[float, Field(ge=0, le=360)] = 0.0,
 ) -> tuple[MillingForce, Document]:
     """Mechanistic milling force at every path point: mean vector and peak of a revolution (the paper's section 6.2).
 
@@ -69,8 +68,7 @@ def force(
             depth of cut.
         axial_depth_mm: cutting length, likewise; null: the width of the layer's bevel face.
         helix_deg: of the cutter, right-hand.
-        runout_mm: distance of the cutter's axis from the spindle's.
-        runout_angle_deg: of tooth 1 against the runout.
+        runout_mm: distance of the cutter's axis from the spindle's, towards tooth 1.
 
     Raises:
         InputError: another path's engagement; a radial depth beyond the cutter's diameter; a material without published
@@ -102,7 +100,7 @@ def force(
                 f"expected a radial depth of at most the cutter's diameter, found {radial.max():.3g} mm",
             )
         per_tooth = layer.feed_mm_s * 60 / (spindle_rpm * toolpath.cutter.flutes)
-        cut = Cut(per_tooth, radial, axial, Teeth(helix_deg * DEG, runout_mm, runout_angle_deg * DEG))
+        cut = Cut(per_tooth, radial, axial, Teeth(helix_deg * DEG, runout_mm))
         layers.append(_layer_force(layer, toolpath.cutter, of, cut))
     process = CuttingProcess(of, helix_deg * DEG)
     found = MillingForce(tuple(layers), of.source, spindle_rpm, assumed, process)

@@ -106,6 +106,11 @@ class LocalServer:
         self._server = uvicorn.Server(config)
         self._stopped = threading.Event()
 
+    @property
+    def address(self) -> str:
+        """Of what it serves, with the token."""
+        return f"http://{LOOPBACK}:{self.server_port}/{self.token}/"
+
     def __repr__(self) -> str:
         """What it is, without the token that opens it."""
         return f"LocalServer(port {self.server_port})"

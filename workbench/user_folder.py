@@ -38,18 +38,22 @@ class UserFolder:
         return f"{kept}: {'; '.join(self.refused)} (NUMBA_CACHE_DIR names another folder)"
 
     def _usable(self, path: Path) -> Path | None:
-        """The folder, if this user may write it and nobody else: what is kept is run."""
+        """The folder, if it is `own`."""
         try:
-            path.mkdir(parents=True, exist_ok=True, mode=0o700)
-            status = path.stat()
-            strangers = stat.S_IWGRP | stat.S_IWOTH
-            if hasattr(os, "getuid") and (status.st_uid != os.getuid() or status.st_mode & strangers):
-                raise PermissionError(0, "others may write it")
-            tempfile.TemporaryFile(dir=path).close()
+            own(path)
         except (OSError, RuntimeError) as error:
             self.refused.append(f"{path} cannot be used ({getattr(error, 'strerror', None) or error})")
             return None
         return path
+
+
+def own(path: Path) -> None:
+    """Make the folder, or raise OSError where this user may not write it or somebody else may: what is kept is run."""
+    path.mkdir(parents=True, exist_ok=True, mode=0o700)
+    status = path.stat()
+    if hasattr(os, "getuid") and (status.st_uid != os.getuid() or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)):
+        raise PermissionError(0, "others may write it: expected a folder that you alone may write")
+    tempfile.TemporaryFile(dir=path).close()
 
 
 def _user_cache() -> Path | None:

@@ -18,7 +18,7 @@ from starlette.types import Receive, Scope, Send
 
 from workbench.errors import InputError
 from workbench.report.html import script_source, viewer_script
-from workbench.server import LOOPBACK, LocalServer, said
+from workbench.server import LocalServer, said
 
 # What of a directory may be served, and as what: regular files inside it, by plain names.
 
@@ -132,7 +132,7 @@ def result_server(directory: Path, port: int = 0) -> LocalServer:
 def address_of(server: LocalServer, directory: Path) -> str:
     """Where a browser starts: the report, else the fleet's page, else the list of what is there."""
     first = next((name for name in FIRST if (directory / name).is_file()), "")
-    return f"http://{LOOPBACK}:{server.server_port}/{server.token}/{first}"
+    return server.address + first
 
 
 def serve(directory: Path, port: int, *, browser: bool, tell: Callable[[str], None]) -> None:
@@ -143,11 +143,15 @@ def serve(directory: Path, port: int, *, browser: bool, tell: Callable[[str], No
         KeyboardInterrupt: somebody ended it.
     """
     with result_server(directory, port) as server:
-        address = address_of(server, directory)
-        tell(address)
-        if browser and has_screen():
-            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
-        server.serve_forever()
+        serve_at(server, address_of(server, directory), browser, tell)
+
+
+def serve_at(server: LocalServer, address: str, browser: bool, tell: Callable[[str], None]) -> None:
+    """Serve until interrupted; `tell` gets the address, and a browser opens it where one is wanted and can be seen."""
+    tell(address)
+    if browser and has_screen():
+        threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+    server.serve_forever()
 
 
 def has_screen() -> bool:

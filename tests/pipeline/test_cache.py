@@ -123,5 +123,5 @@ def test_a_folder_that_others_may_write_is_refused(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="you alone may write"):
         inspect(None, tmp_path / "cache")
     (tmp_path / "file").touch()
-    with pytest.raises(OutputError, match="cannot be written"):
+    with pytest.raises(OutputError, match="cannot be used"):
         inspect(None, tmp_path / "file")

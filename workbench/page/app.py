@@ -12,8 +12,6 @@ import json
 import math
 import os
 import re
-import threading
-import webbrowser
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from http import HTTPStatus
@@ -38,9 +36,9 @@ from workbench.page.store import FILTERS, Preset, Run, Store
 from workbench.pipeline.catalogue import unit_of
 from workbench.pipeline.follow import state_of
 from workbench.report.html import script_source, viewer_script
-from workbench.server import LOOPBACK, LocalServer
+from workbench.server import LocalServer
 from workbench.storage import beside
-from workbench.view import NotServedError, Results, has_screen, within
+from workbench.view import NotServedError, Results, serve_at, within
 
 HERE = Path(__file__).parent
 REPORT = "report.html"
@@ -470,10 +468,6 @@ def serve(folder: Path, port: int, *, browser: bool, tell: Callable[[str], None]
     page = Page(folder)
     try:
         with page_server(page, port) as server:
-            address = f"http://{LOOPBACK}:{server.server_port}/{server.token}/"
-            tell(address)
-            if browser and has_screen():
-                threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
-            server.serve_forever()
+            serve_at(server, server.address, browser, tell)
     finally:
         page.close()

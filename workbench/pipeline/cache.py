@@ -12,8 +12,6 @@ import io
 import json
 import os
 import pickle
-import stat
-import tempfile
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -23,7 +21,7 @@ from typing import Any, TypeAlias
 from workbench.artefacts import Provenance
 from workbench.errors import OutputError
 from workbench.pipeline.wiring import Step
-from workbench.user_folder import forget, keep, package_digest
+from workbench.user_folder import forget, keep, own, package_digest
 
 Made: TypeAlias = tuple[tuple[Any, ...], list[str]]  # artefacts and warnings of a stage
 
@@ -41,16 +39,10 @@ class StageCache:
         self.folder, self._versions = folder, dict(versions)
         self._known: dict[str, str | None] = {}  # by step: what stands for its result
         try:
-            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-            status = folder.stat()
-            tempfile.TemporaryFile(dir=folder).close()
+            own(folder)
         except (OSError, ValueError) as error:
             why = getattr(error, "strerror", None) or error
-            raise OutputError(f"--cache {folder}", f"cannot be written: {why}") from None
-        if hasattr(os, "getuid") and (status.st_uid != os.getuid() or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)):
-            raise OutputError(
-                f"--cache {folder}", "expected a folder that you alone may write: its entries are trusted"
-            )
+            raise OutputError(f"--cache {folder}", f"cannot be used: {why}") from None
         forget(f"*{SUFFIX}", self.folder, KEPT_DAYS)
 
     def made(self, step: Step, run: Callable[[], Made]) -> Made:

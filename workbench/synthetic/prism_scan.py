@@ -26,7 +26,7 @@ from workbench.synthetic.scan import (
     sensor_of,
 )
 from workbench.synthetic.workpiece import pose, seen_near
-from workbench.units import DEG, Bool, Float, Shaped
+from workbench.units import DEG, AnyArray, Bool, Float, Shaped
 
 BLOCK_FRAMES = 32
 STATION_MM = 0.25
@@ -36,7 +36,7 @@ def simulate_prism(recipe: PrismRecipe) -> tuple[Recording, GrooveTruth]:
     """The recording of a straight groove, and its truth. The same recipe gives the same numbers."""
     plate, sensor, offsets = recipe.on_plate(), sensor_of(recipe.scanner), column_offsets(recipe.scanner)
     part_from_base = inverse(pose(recipe.groove.base_from_part))
-    motions, blocks, seen = plan_motion(plate), list[Frames](), list[Float]()
+    motions, blocks, seen = plan_motion(plate), list[tuple[AnyArray, ...]](), list[Float]()
     for index, motion in enumerate(motions):
         here = []
         for number, first in enumerate(range(0, len(motion.time_s), BLOCK_FRAMES)):
@@ -44,16 +44,12 @@ def simulate_prism(recipe: PrismRecipe) -> tuple[Recording, GrooveTruth]:
             exact, cosines, what, x_part = cast(recipe.groove, sensor, poses, offsets)
             rng = generator(plate, 3, index, number)
             ranges = disturb(plate, exact, cosines, rng)
-            light = intensities(ranges, cosines, rng) if recipe.scanner.intensity else None
-            blocks.append(Frames(*coordinates(sensor, ranges, offsets), light))
+            light = [intensities(ranges, cosines, rng)] if recipe.scanner.intensity else []
+            blocks.append((*coordinates(sensor, ranges, offsets), *light))
             here.append(_seen_x(recipe.groove, what, x_part))
         seen.append(np.concatenate(here))
-    grey = np.concatenate([one.intensity for one in blocks if one.intensity is not None] or [np.zeros(0)])
-    grids = Frames(
-        np.concatenate([one.x_mm for one in blocks]),
-        np.concatenate([one.z_mm for one in blocks]),
-        grey if recipe.scanner.intensity else None,
-    )
+    x, z, *grey = (np.concatenate(grids) for grids in zip(*blocks, strict=True))
+    grids = Frames(x, z, grey[0] if grey else None)
     return recorded(motions, grids, recorded_hand_eye(plate), recipe.part_id), prism_truth(recipe, seen)
 
 

@@ -36,6 +36,7 @@ TESTS = {
     "workbench/export": ["tests/export"],
     "workbench/batch": ["tests/batch"],
 }
+DEFAULTS = "tests/laws/test_defaults.py"  # of the stages of every room
 
 
 class Mutant(NamedTuple):
@@ -50,7 +51,7 @@ class Mutant(NamedTuple):
     @property
     def tests(self) -> list[str]:
         """The tests of its room, those of its file first."""
-        every = TESTS[next(one for one in TESTS if self.path.is_relative_to(one))]
+        every = [*TESTS[next(one for one in TESTS if self.path.is_relative_to(one))], DEFAULTS]
         own = Path(every[0], f"test_{self.path.stem}.py")
         return [str(own)] * (ROOT / own).is_file() + every
 

@@ -27,7 +27,6 @@ from bench.odd_plates import (
     j_shape,
     ledge,
     odd_plate,
-    plate,
 )
 from bench.outside import Part, Section, Wide, simulate
 from bench.score.measure import alone
@@ -193,10 +192,14 @@ def test_faces_that_only_their_widths_tell_apart_are_refused() -> None:
         segment(denoise(fuse(part.recording)), upper_side=tuple(part.base_from_section[:3, 2]), **given)
 
 
-def test_the_end_face_of_a_strip_below_a_plate_is_not_the_plates() -> None:
+@pytest.mark.parametrize(("lean_deg", "refused"), [(0.0, True), (10.0, True), (45.0, False)])
+def test_a_face_that_rises_behind_is_another_plate_s_end_if_it_is_parallel(lean_deg: float, refused: bool) -> None:
+    """The plate's own, where a strip below it stands out; a slope on a plate is none."""
     strip = ((7.0, -6.0), (7.0, 0.0), (-60.0, 0.0))
-    section = Sizes(5.9 - 1e-3, np.pi / 4.0, 5.9, 6.0).drawn((plate(5.9 - 1e-3, ((-1e-3, 1e-3),)), strip))
-    assert "face_behind_share" in alone(plain(simulate(3, True, section), is_raw=True)).refused
+    above = ((0.0, 0.0), (-5.9 * math.tan(lean_deg * DEG), 5.9), (-60.0, 5.9))
+    section = Sizes(5.9 - 1e-3, np.pi / 4.0, 5.9, 6.0).drawn((above, strip))
+    told = alone(plain(simulate(3, True, section), is_raw=True)).refused
+    assert ("face_behind_share" in told) == bool(told) == refused
 
 
 def test_noise_that_neighbouring_columns_share_makes_no_corner() -> None:

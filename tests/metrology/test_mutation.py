@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.mutation.__main__ import TESTS, drawn
+from bench.mutation.__main__ import DEFAULTS, TESTS, drawn
 from bench.mutation.changes import changes
 from bench.mutation.mutant import ROOT, fails
 
@@ -46,7 +46,7 @@ def test_what_is_drawn_is_another_program() -> None:
         before = (ROOT / one.path).read_text(encoding="utf-8")
         assert ast.dump(ast.parse(one.source)) != ast.dump(ast.parse(before))
         assert before.splitlines()[one.number - 1] == one.was != one.line
-        assert one.tests[-len(TESTS[room]) :] == TESTS[room]
+        assert one.tests[-len(TESTS[room]) - 1 :] == [*TESTS[room], DEFAULTS]
         assert all((ROOT / test).exists() for test in one.tests)
 
 

@@ -102,8 +102,8 @@ def _expected(entry: ErrorDetails, place: Place, model: type[BaseModel] | None) 
         return text  # says itself which of its values it is
     if "tolerance" in path_of(place) and isinstance(value, int | float):
         text = f"expected the lower and the upper deviation, as [{-abs(value)}, {abs(value)}]"
-    if entry["type"] == "too_long":
-        text = f"expected {entry['ctx']['max_length']} values at most"
+    if entry["type"] in LENGTHS:
+        text = f"expected {entry['ctx'][LENGTHS[entry['type']][0]]} values at {LENGTHS[entry['type']][1]}"
     shown = repr(value)
     return f"{text}, got {shown if len(shown) <= 60 else shown[:57] + '...'}{_slip(entry, place)}"
 
@@ -113,6 +113,7 @@ MISTAKEN: dict[str, tuple[str, Callable[[float], float]]] = {  # by a name's uni
     "c": ("kelvin", lambda value: value - 273.15),
     "mm": ("metres", lambda value: value * 1000.0),
 }
+LENGTHS = {"too_long": ("max_length", "most"), "too_short": ("min_length", "least")}
 BOUNDS = {
     "greater_than": ("gt", operator.gt),
     "greater_than_equal": ("ge", operator.ge),

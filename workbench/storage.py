@@ -138,7 +138,7 @@ def regular_file(path: Path) -> os.stat_result:
         status = os.stat(path)
     except FileNotFoundError:
         readable = path.parent.is_dir() and os.access(path.parent, os.R_OK)
-        siblings = os.listdir(path.parent) if readable else ()
+        siblings = [one for one in os.listdir(path.parent) if Path(one).suffix == path.suffix] if readable else ()
         raise InputError(str(path), f"no such file{nearest(path.name, siblings)}") from None
     except (OSError, ValueError) as error:
         raise InputError(str(path), f"cannot be opened: {getattr(error, 'strerror', None) or error}") from None
@@ -146,6 +146,8 @@ def regular_file(path: Path) -> os.stat_result:
         raise InputError(str(path), "expected a file, not a directory or a device")
     if not os.access(path, os.R_OK):
         raise InputError(str(path), "may not be read: permission denied")
+    if not status.st_size:
+        raise InputError(str(path), "is empty: was it exported, or copied, to its end?")
     return status
 
 
@@ -194,7 +196,14 @@ def read_text(path: Path, max_bytes: int) -> str:
     except OSError as error:
         raise InputError(str(path), f"cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: byte {error.start}", "expected text in UTF-8") from None
+        raise InputError(f"{path}: byte {error.start}", f"expected text in UTF-8{encoding_slip(error)}") from None
+
+
+def encoding_slip(error: UnicodeDecodeError) -> str:
+    """What a file most likely is that is no text in UTF-8."""
+    if error.object[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return ", found UTF-16: save it as UTF-8"
+    return ": a binary file?" if b"\0" in error.object else ": saved in another encoding, such as Latin-1?"
 
 
 def write_whole(path: Path, content: bytes) -> None:

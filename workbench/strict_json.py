@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.storage import regular_file
+from workbench.storage import encoding_slip, regular_file
 
 MAX_BYTES = 2**24
 
@@ -68,7 +68,7 @@ def read_any_json(path: Path, max_bytes: int = MAX_BYTES) -> Any:
             f"{path}: line {error.lineno}, column {error.colno}", f"expected JSON: {json_slip(error)}"
         ) from None
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: byte {error.start}", "expected JSON in UTF-8") from None
+        raise InputError(f"{path}: byte {error.start}", f"expected JSON in UTF-8{encoding_slip(error)}") from None
     except RecursionError:
         raise InputError(str(path), "expected JSON nested less deeply") from None
     except (OSError, ValueError) as error:  # ValueError: an integer of thousands of digits
@@ -78,6 +78,8 @@ def read_any_json(path: Path, max_bytes: int = MAX_BYTES) -> Any:
 def json_slip(error: json.JSONDecodeError) -> str:
     """What is wrong with a text, by the slips that people make; else in the words of the reader."""
     found = error.doc[error.pos : error.pos + 1]
+    if not error.doc[: error.pos].strip() and "{" not in error.doc:
+        return f"found {error.doc[:20]!r}: a file of another kind?" if error.doc.strip() else "is empty"
     if found in ("}", "]") and error.doc[: error.pos].rstrip().endswith(","):
         return "a comma too many"
     if found in ("/", "#"):

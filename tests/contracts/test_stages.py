@@ -18,7 +18,7 @@ from pydantic_core import to_jsonable_python
 
 from tests.contracts.conftest import values
 from workbench.checks.limits import LIMITS, OF_EDGES
-from workbench.errors import PipelineError
+from workbench.errors import PipelineError, WorkbenchError
 from workbench.pipeline.catalogue import every_stage, families, parameter_texts, said_in_docstring, summary, unit_of
 from workbench.pipeline.run import run_files
 from workbench.result_files import RESULT_FILES
@@ -104,6 +104,35 @@ def test_a_stage_takes_limits_of_the_checks_that_it_makes_and_of_no_other(name: 
             taken = "not judged by this stage" not in str(error)
         if check not in SELDOM:
             assert taken == (check in {one.name for one in made.checks} - before), check
+
+
+WRONG = {
+    "empty": b"",
+    "table": b"# kN\na;b\n1,5;2\n",
+    "words": b'{"format": "something", "version": 1}',
+    "list": b"[1, 2, 3]",
+    "utf16": '{"format": 1}'.encode("utf-16"),
+    "binary": bytes(range(256)) * 40,
+    "folder": None,
+}
+
+
+@pytest.mark.parametrize("name", [name for name, one in STAGES.items() if not any(x.required for x in one.sources)])
+@pytest.mark.usefixtures("in_the_project")
+def test_a_file_of_another_kind_is_refused_by_its_name(name: str, called: Any, calls: Any, tmp_path: Path) -> None:
+    """By the stages that begin with a file."""
+    first = called(stage := STAGES[name])
+    for key, role in stage.parameters.items():
+        if role is not Role.INPUT_FILE or key == "inspections":  # which stand for a study, in no shipped pipeline
+            continue
+        given = next((one for one in calls[name] if one.given.get(key) is not None), first).given
+        for kind, content in WRONG.items():
+            path = tmp_path / f"{key} {kind}"
+            path.mkdir() if content is None else path.write_bytes(content)
+            wrong = [path] * len(given[key]) if isinstance(given.get(key), list) else path
+            with pytest.raises(WorkbenchError) as refused:
+                stage.function.__wrapped__(**given | {key: wrong})
+            assert refused.value.where.startswith(str(path))
 
 
 SILENT = {"scan.next"}  # of a part that is decided there is nothing to tell

@@ -77,8 +77,8 @@ REFUSED = {
 @pytest.mark.parametrize("name", ["run.bag", "run.db3", "run.MCAP", "folder"])
 def test_of_a_bag_it_is_said_how_it_becomes_tables(way: str, name: str, tmp_path: Path, capsys: Out) -> None:
     (tmp_path / "folder").mkdir()
-    for file in ("folder/metadata.yaml", name):
-        (tmp_path / file).touch()
+    for file in ("folder/metadata.yaml", name) if name != "folder" else ("folder/metadata.yaml",):
+        (tmp_path / file).write_bytes(b"#ROSBAG")
     assert main([*way.replace("--out ", f"--out {tmp_path}/").split(), str(tmp_path / name)]) == 2
     said = "make tables of its profiles and poses (docs/importing_bags.md)\n"
     printed, errors = capsys.readouterr()

@@ -92,7 +92,7 @@ def segment(
     end_u_mm: EndU = 0.0,
     upper_side: Direction | None = None,
     edge_condition: EdgeCondition = "unknown",
-    thickness_mm: Annotated[float, Field(gt=0, le=500)] | None = None,
+    thickness_mm: Annotated[float, Field(ge=0.5, le=500)] | None = None,
     sensor: InputFile | None = None,
     sensor_dcc: InputFile | None = None,
     thermometer_dcc: InputFile | None = None,

@@ -93,7 +93,7 @@ def segment_cloud(
     edge_condition: EdgeCondition = "unknown",
     sensor: InputFile | None = None,
     upper_side: Direction | None = None,
-    thickness_mm: Annotated[float, Field(gt=0, le=500)] | None = None,
+    thickness_mm: Annotated[float, Field(ge=0.5, le=500)] | None = None,
     use_order: bool = True,
 ) -> tuple[Cloud, MilledEdge | RawEdge]:
     """Find a milled or a raw edge in a cloud without a grid.

@@ -91,6 +91,8 @@ def _other(path: Path, head: bytes) -> str:
     """What a file is that is no source of a recording, and where it goes; '' where nothing is known of it."""
     if path.suffix.lower() in CLOUDS:
         return AS_A_CLOUD
+    if head.startswith(b"\x89HDF"):
+        return "is HDF5: a recording already? `workbench look` shows what it holds"
     text = head_text(head)
     sick = "<icon_data_format" in text or (path.suffix.lower() == ".dat" and "\0" in text)
     if sick or path.suffix.lower() in NUMBERS or text[:3].lower() in ("y/x", "y\\x"):

@@ -275,7 +275,7 @@ def run_files(checked: Plan, results: Results) -> dict[str, bytes]:
             "pipeline": made_of.pipeline,
             "versions": made_of.versions,
             "seed": made_of.seed,
-            "inputs": [dict(zip(("name", "path", "sha256"), item, strict=True)) for item in made_of.inputs],
+            "inputs": [{"name": name, "path": path, "sha256": digest} for name, path, digest in made_of.inputs],
             "stages": [{"name": name, "seconds": round(spent, 6)} for name, spent in results.seconds.items()],
             "warnings": results.warnings,
             "files": [*files, RUN_FILE],

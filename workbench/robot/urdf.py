@@ -208,8 +208,13 @@ def _check_kinds(document: ElementTree.Element, held: Mapping[str, float], flang
                 "expected a revolute joint, found a prismatic one: a linear track stands where the "
                 f'cell says, e.g. "held": {{"{name}": 1200}} in $.robot (mm), or moves: "track": {{"joint": "{name}"}}',
             )
+        limit = joint.find("limit")
+        if kind == "revolute" and not {"effort", "velocity"} <= set(() if limit is None else limit.keys()):
+            told = "expected <limit lower= upper= effort= velocity=>, in rad and rad/s: the robot's maker states them"
+            raise InputError(where, told)
+        if limit is not None and _numbers(limit.get("velocity", "0"), 1, where)[0] < 0:
+            raise InputError(where, "expected a limit with a velocity above 0")
         if kind == "continuous":
-            limit = joint.find("limit")
             limit = ElementTree.SubElement(joint, "limit") if limit is None else limit
             joint.set("type", "revolute")
             limit.set("lower", repr(-TURNS * 2 * np.pi))

@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from workbench.pipeline.catalogue import find
+from workbench import Pipeline
+from workbench.errors import PipelineError
 
 PIPELINES = Path(__file__).parents[2] / "pipelines"
 VARIANTS = {"compensated_loop", "compound_loop", "j_loop", "measured_loop", "sensitivity"}  # they show other values
@@ -21,9 +22,12 @@ def is_number(value: Any) -> bool:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_number_that_a_pipeline_gives_is_the_stage_s_default(name: str) -> None:
     document = json.loads((PIPELINES / f"{name}.json").read_text())
-    for entry in document["stages"]:
-        for key, field in find(entry["stage"], name).model.model_fields.items():
-            if key in entry and not field.is_required() and is_number(own := field.get_default()):
-                given = entry[key]
-                given = document["inputs"][given[2:-1]] if isinstance(given, str) else given
-                assert given == json.loads(json.dumps(own)), f"{entry['stage']}.{key}"
+    for k, step in enumerate(Pipeline(document, base_dir=PIPELINES).plan().steps):
+        for key in filter(lambda key: is_number(step.parameters[key]), step.given):
+            stages = [one | {} for one in document["stages"]]
+            del stages[k][key]
+            try:
+                alone = Pipeline(document | {"stages": stages}, base_dir=PIPELINES).plan().steps[k].parameters[key]
+            except PipelineError:  # it has none
+                continue
+            assert alone in (None, step.parameters[key]), f"{step.id}.{key}"

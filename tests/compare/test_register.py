@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from tests.compare.bodies import AT, scanned
+from tests.compare.bodies import AT, box, scanned
 from workbench.api import inverse, pose_from, rotation_from_vector, vector_from_rotation
 from workbench.compare import register
 from workbench.errors import InputError
@@ -54,12 +54,13 @@ def test_an_initial_pose_reaches_far() -> None:
     assert np.abs(error(found.reference_from_scan, true, found.pivot_mm)[:3]).max() < 3e-3
 
 
-def test_features_find_the_start() -> None:
+@pytest.mark.parametrize("reference", [scanned(2, "corner"), box()], ids=["scan", "mesh"])
+def test_features_find_the_start(reference) -> None:
     """150 deg and half a metre away, with nothing known."""
     true = motion([400.0, 200.0, -300.0], [0.5, -1.2, 2.2])
     scan = laid_off(scanned(1, "corner"), true)
     scan = dataclasses.replace(scan, range_axis=true[:3, :3].T @ scan.range_axis)
-    found, _ = register(scan, scanned(2, "corner"), start="features")
+    found, _ = register(scan, reference, start="features")
     assert np.abs(error(found.reference_from_scan, true, found.pivot_mm)[:3]).max() < 3e-3
     with pytest.raises(InputError, match="expected no initial pose"):
         register(scanned(1, "corner"), scanned(2, "corner"), start="features", initial=np.eye(4).tolist())

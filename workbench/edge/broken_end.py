@@ -18,6 +18,8 @@ from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import hidden_columns_u
 from workbench.edge.end_templates import (
+    ALONE,
+    FILLS,
     ONWARD,
     PRIORS,
     QUARTER,
@@ -40,10 +42,10 @@ from workbench.geometry.course import CHANCE, LEAST_SHARED, stretches
 from workbench.geometry.end_face import BROKEN_MM
 from workbench.geometry.medians import medians
 from workbench.kernels import kernel
-from workbench.units import Bool, Float, Float32, Int, Shaped
+from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
 FAINTEST = 1e-4  # share of the returns that may be fainter than what the sensor asks for: noise of the brightness
-BESIDE = 2.5  # columns beyond a face's end, in which what lies behind it returns
+NO_LIGHT = 0.1  # probability that a recorded brightness does not count the light of a pixel
 SAMPLE_FRAMES, LEAST_FRAMES = 480, 20  # of a pass, evenly over it; with fewer its depths tell nothing
 LAST, LEAST_GROUPS, DEEP_MM = 10, 5, 3.0  # columns pooled one by one, then by tenths, up to this far from the end
 STEP_MM = 0.15  # between columns of one surface
@@ -329,32 +331,53 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool) -> EndView:
     if not rim.on_line:  # a return under the line lies that much farther along the face
         further -= float(np.nanmean(last[alike, 1])) * slope / step
     moving = moved > STILL
-    darkness = _darkness(cloud, rim, frames) if moving else None  # else the end fills the same share of its pixel
-    return EndView(known, edges * step, math.atan(slope), step, end_phases(moving), further, usual, darkness)
+    fills = _fills(cloud, rim, frames, moving)
+    return EndView(known, edges * step, math.atan(slope), step, end_phases(moving), further, usual, fills)
 
 
-def _darkness(cloud: Cloud, rim: FaceRim, frames: Int) -> float | None:
-    """What a pixel that sees a face's end in part needs of the light of that face; None: unknown, or the same
-    everywhere.
+def _fills(cloud: Cloud, rim: FaceRim, frames: Int, moving: bool) -> Float:
+    """Fills from which on a pixel that sees a face's end in part returns the face, and their shares (m, 2).
 
-    As much as the faintest returns of the pass have; or more than what lies behind the face gives it, where that
-    returns right beside the end.
+    A pixel asks for as much light as the faintest returns of the pass have. Where something stands apart in the next
+    column, a pixel that sees both returns what gives it more light, or what is brighter, however little of it.
+
+    moving: the end comes to lie anywhere within a column; else it fills the same share of its pixel in all frames.
     """
-    if cloud.intensity is None:
-        return None
-    face, light, column = rim.face, cloud.intensity[frames], np.arange(cloud.intensity.shape[1])
-    returned = np.isfinite(cloud.z_mm[frames])
+    face, x = rim.face, cloud.x_mm[frames]
+    column, returned = np.arange(x.shape[1]), np.isfinite(cloud.z_mm[frames])
     first, last = face.columns[frames].T
-    on_face = returned & (column >= first[:, None]) & (column < last[:, None])
-    usual = float(np.median(light[on_face])) if on_face.any() else 0.0
-    faintest = float(np.quantile(light[returned], FAINTEST)) if usual > 0.0 else 0.0
-    if not faintest > 0.0 or not usual < light[returned].max():
+    slope = (face.sxz[frames] / face.sxx[frames])[:, None]
+    off = np.abs(cloud.z_mm[frames] - face.z_mean[frames, None] - slope * (x - face.x_mean[frames, None]))
+    apart = off > (STEP_MM + 2.0 * rim.step_mm[frames, None]) * np.hypot(1.0, slope)
+    end = np.where(returned & ~apart, np.abs(x - rim.end_x_mm[frames, None]), np.inf).argmin(axis=1)
+    beyond = np.where(2 * end > first + last, 1, -1)[:, None] * (column - end[:, None])
+    behind = returned & apart & (beyond > 0)
+    rivalled = float((behind & (beyond == 1)).any(axis=1).mean())
+    out = np.stack([FILLS, (1.0 - rivalled) * ALONE + rivalled / FILLS.size], axis=1)
+    if cloud.intensity is not None and moving:
+        light = cloud.intensity[frames]
+        on_face = returned & (column >= first[:, None]) & (column < last[:, None])
+        told = _told_fills(light[returned], light[on_face], light[behind & (beyond > 2) & (beyond < 5)])
+        if told is not None:
+            shares = np.array([1.0 - rivalled, 0.5 * rivalled, 0.5 * rivalled])
+            out[:, 1] *= NO_LIGHT
+            out = np.concatenate([out, np.stack([told, (1.0 - NO_LIGHT) * shares], axis=1)])
+    out = out[out[:, 1] > UNLIKELY]
+    return np.asarray(out / [1.0, out[:, 1].sum()])
+
+
+def _told_fills(light: AnyArray, on_face: AnyArray, rival: AnyArray) -> Float | None:
+    """Fills by the light of all returns, of those on a face, and of what lies behind its end: (3,); None: not told.
+
+    Where nothing rivals; where a pixel returns what gives it more light; where it returns the brighter, however little.
+    """
+    usual = float(np.median(on_face)) if on_face.size else 0.0
+    faintest = min(float(np.quantile(light, FAINTEST)) / usual, 1.0) if usual > 0.0 else 0.0
+    if not faintest > 0.0 or not usual < light.max():
         return None  # the brightness is the same everywhere, or saturates
-    past = rim.side[frames, None] * (cloud.x_mm[frames] - rim.end_x_mm[frames, None])
-    step = rim.step_mm[frames] / np.hypot(1.0, face.sxz[frames] / face.sxx[frames])
-    behind = returned & (past > 0.0) & (past < BESIDE * step[:, None])
-    rival = float(np.median(light[behind])) if behind.any(axis=1).mean() > 0.5 else 0.0
-    return min(max(faintest / usual, rival / (rival + usual)), 1.0)
+    other = float(np.median(rival)) if rival.size else 0.0
+    brighter = float((rival > usual).mean()) if rival.size else 0.0
+    return np.array([faintest, max(faintest, other / (other + usual)), faintest + brighter * (1.0 - faintest)])
 
 
 def _recession(rim: FaceRim, frames: Int) -> Float:

@@ -40,10 +40,11 @@ STEP = math.radians(6.0)
 INCIDENCES = np.arange(math.radians(44.0), math.radians(89.0), STEP)
 INCIDENCE_PRIOR = np.where(np.radians(60.0) > INCIDENCES, 0.1 / 3.0, 0.9 / 5.0)
 QUARTER = 0.15  # of a depth: a rounding need be no quarter circle, a chamfer not flat
-# A pixel sees a point or so many columns of the line, all alike likely, and returns from such a fill on. A sensor that
-# needs much more than half of a pixel's light mostly loses columns all over a face, by speckle.
-FOOTPRINTS, FILLS = np.array([0.5, 0.75, 1.0, 1.25, 1.5]), np.array([0.1, 0.3, 0.5])
-NO_LIGHT = 0.1  # probability that a recorded brightness does not count the light of a pixel
+FOOTPRINTS = np.array([0.5, 0.75, 1.0, 1.25, 1.5])  # columns that a pixel sees, all alike likely; or a point
+# Fills from which on a pixel returns a face, all alike likely. A sensor that needs much more than half of a pixel's
+# light mostly loses columns all over a face, by speckle; but what lies behind the end may take any pixel that sees it.
+FILLS = np.arange(0.1, 1.0, 0.2)
+ALONE = (FILLS < 0.6) / 3.0  # their shares where nothing behind the end may take a pixel
 # Columns of the lower surface that return beyond its edge, where the view reaches under the plate.
 ONWARD = np.array([0.0, 0.5, 1.0, 2.0, 4.0])
 WITHIN = np.array([-0.8, -0.4, 0.0, 0.4, 0.8])  # places within a pixel
@@ -121,20 +122,15 @@ class EndView(NamedTuple):
     phases: Shaped[Float, "p q"]  # places of the end within its column; p alike likely, each the mean over q
     further: float  # columns beyond the line's end in which returns go on, on average
     usually_further: float  # the same in the lower quartile of the frames
-    darkness: float | None = None  # light that the sensor asks for, of what the face returns; None: not recorded
+    # from which on a pixel that the face fills in part returns it, and their shares
+    fills: Shaped[Float, "m 2"] = np.stack([FILLS, ALONE], axis=1)[ALONE > 0.0]
 
     @property
     def pixels(self) -> tuple[Shaped[Float, "k 2"], Shaped[Float, " k"]]:
-        """Columns by which a pixel's middle may lie beyond the end, and half of what it sees; and their shares.
-
-        Where the darkness is known, a pixel returns from this fill on.
-        """
-        fills, shares = FILLS, np.full(FILLS.size, 1.0 / FILLS.size)
-        if self.darkness is not None:
-            fills, shares = np.append(fills, self.darkness), np.append(NO_LIGHT * shares, 1.0 - NO_LIGHT)
-        wide, fill = (a.ravel() for a in np.meshgrid(FOOTPRINTS, fills, indexing="ij"))
+        """Columns by which a pixel's middle may lie beyond the end, and half of what it sees; and their shares."""
+        wide, fill = (a.ravel() for a in np.meshgrid(FOOTPRINTS, self.fills[:, 0], indexing="ij"))
         seen = np.stack([wide * (0.5 - fill), 0.5 * wide], axis=1)
-        prior = np.append(1.0, np.tile(shares, FOOTPRINTS.size)) / (1.0 + FOOTPRINTS.size)
+        prior = np.append(1.0, np.tile(self.fills[:, 1], FOOTPRINTS.size)) / (1.0 + FOOTPRINTS.size)
         return np.concatenate([np.zeros((1, 2)), seen]), prior
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.simulators.swept import parse_swept_recipe, simulate_swept
 from workbench import cloud, edge, scan
 from workbench.artefacts import MilledEdge
 from workbench.synthetic import Truth, parse_recipe, simulate_recording
@@ -53,3 +54,32 @@ def test_an_oblique_pass_shifts_neither_the_lower_edge_nor_the_root_face(oblique
     root_mm = np.interp(off @ truth.tangent[0], truth.arc_length_mm, truth.root_mm)
     assert abs(np.mean(found.root.value[found.seen] - root_mm)) < 0.002
     assert abs(np.mean(off @ truth.across[0])) < 0.003
+
+
+def test_passes_oblique_to_either_side_measure_one_preparation() -> None:
+    """Of a twisted plate whose root face grows: where one of them ends, what turned it was taken for the plate's."""
+    way = {"way_mm": [1, 79], "elevation_deg": 20}
+    recipe = {
+        "simulator": "swept",
+        "seed": 9999,
+        "part": {
+            "spine": {"length_mm": 80},
+            "preparation": "nose",
+            "thickness_mm": 10,
+            "root_mm": {"start": 1.5, "end": 3},
+            "land_mm": 1.5,
+            "twist_deg": {"start": -3, "end": 3},
+        },
+        "scanner": {"noise": {"sd_mm": 0.003}},
+        "robot": {"frame_pitch_mm": 0.3, "pose_noise_mm": 0.003, "pose_noise_deg": 0.001},
+        "passes": [{**way, "oblique_deg": 20}, {**way, "oblique_deg": -20}],
+    }
+    recording, truth = simulate_swept(parse_swept_recipe(recipe))
+    found = edge.segment_preparation(cloud.denoise(scan.fuse(recording)))
+    assert truth.preparation is not None
+    for name, most in (("bevel_deg", 0.01), ("depth_mm", 0.005), ("width_mm", 0.005), ("land_mm", 0.005)):
+        size, true = found.sizes[name], np.broadcast_to(truth.preparation[name], len(truth.position_mm))
+        on = found.seen & np.isfinite(size.value)
+        off = size.value[on] - truth.at(found.origin_mm[on], true)
+        assert np.abs(off).max() < most
+        assert np.abs(off / size.u[on]).max() < 2.5

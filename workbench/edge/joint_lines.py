@@ -89,39 +89,52 @@ def joined(sections: Sequence[SectionLines], s: Float, group: Int, hangs: Float 
 
     s, group (N,): as `Along` has them. hangs (N, 2): a place on the last face; None: its corner with the one before.
     """
-    safe, courses, angles = np.where(np.isfinite(s), s, 0.0), [], []
+    own = []
     for one in sections:
         about = float(np.angle(np.nanmean(np.exp(1j * one.angle))))
-        courses.append(fit_course(one.s, about + wrapped(one.angle - about), one.angle_variance, group))
-        angles.append(courses[-1].value(safe))
-    lines = [FaceLine(*of[:2], of[0].place, of[2]) for of in zip(sections, courses, angles, strict=True)]
-    meets = [meeting(a.place, a.angle, b.place, b.angle) for a, b in pairwise(lines)]
+        own.append(_by_pass(one.s, about + wrapped(one.angle - about), one.angle_variance, group, s))
+    pairs = list(zip(sections, own, strict=True))
+    meets = [meeting(a.place, of.value, b.place, on.value) for (a, of), (b, on) in pairwise(pairs)]
     meets.append(meets[-1] if hangs is None else hangs)
-    return [_square(line, place, s, group) for line, place in zip(lines, meets, strict=True)]
+    return [_square(*pair, place, s, group) for pair, place in zip(pairs, meets, strict=True)]
 
 
-def _square(line: FaceLine, meet: Float, s: Float, group: Int) -> FaceLine:
+class _Own(NamedTuple):
+    """A value in N frames as each pass shows it by itself; what obliquity adds differs between them."""
+
+    value: Shaped[Float, " N"]
+    slope: Shaped[Float, " N"]
+    stiffness: Shaped[Float, "j 4"] | None  # of the courses of all passes; None: none shows it
+
+
+def _by_pass(at: Float, value: Float, variance: Float | None, group: Int, s: Float) -> _Own:
+    """By values (N,) at `at` (N,), in the frames' own sections at s (N,)."""
+    safe, good = np.where(np.isfinite(s), s, 0.0), np.isfinite(at) & np.isfinite(value)
+    course, slope, stiffness = value.copy(), np.zeros(s.size), []
+    for one in np.unique(group[good]):
+        mine = group == one
+        if (good & mine).sum() < 3 or np.ptp(value[good & mine]) == 0.0:
+            continue
+        found = fit_course(at[mine], value[mine], None if variance is None else variance[mine], group[mine])
+        course[mine], slope[mine] = found.value(safe[mine]), found.slope(safe[mine])
+        stiffness.append(found.stiffness)
+    return _Own(course, slope, np.unique(np.concatenate(stiffness), axis=0) if stiffness else None)
+
+
+def _square(section: SectionLines, own: _Own, meet: Float, s: Float, group: Int) -> FaceLine:
     """A face that an oblique profile sees, in the section of the frame's own s; meet (N, 2): a place on it."""
-    safe, section = np.where(np.isfinite(s), s, 0.0), line.section
-    across = np.stack([-np.sin(line.angle), np.cos(line.angle)], axis=1)
-    along = np.stack([np.cos(line.angle), np.sin(line.angle)], axis=1)
-    drift = np.stack([_slope(s, meet[:, k], group) for k in (0, 1)], axis=1)
-    change = line.course.slope(safe)
-    lever = ((line.place - meet) * along).sum(axis=1)
-    turn = between(s, section.run * ((drift * across).sum(axis=1) + lever * change), safe)
-    moved = drift + (lever * change)[:, None] * across  # of the centroid, a mm along the edge
-    place = line.place - (change * section.run * section.spread)[:, None] * across
+    safe = np.where(np.isfinite(s), s, 0.0)
+    across = np.stack([-np.sin(own.value), np.cos(own.value)], axis=1)
+    along = np.stack([np.cos(own.value), np.sin(own.value)], axis=1)
+    drift = np.stack([_by_pass(s, meet[:, k], None, group, s).slope for k in (0, 1)], axis=1)
+    lever = ((section.place - meet) * along).sum(axis=1)
+    turn = between(s, section.run * ((drift * across).sum(axis=1) + lever * own.slope), safe)
+    moved = drift + (lever * own.slope)[:, None] * across  # of the centroid, a mm along the edge
+    place = section.place - (own.slope * section.run * section.spread)[:, None] * across
     place = place - (section.s - s)[:, None] * moved
-    seen = line.angle + wrapped(section.angle - line.angle) - turn  # passes are turned by each its own
-    course = fit_course(section.s, seen, section.angle_variance, group, stiffness=line.course.stiffness)
+    seen = own.value + wrapped(section.angle - own.value) - turn  # passes are turned by each its own
+    course = fit_course(section.s, seen, section.angle_variance, group, stiffness=own.stiffness)
     return FaceLine(section, course, place, course.value(safe))
-
-
-def _slope(s: Float, value: Float, group: Int) -> Float:
-    good = np.isfinite(value) & np.isfinite(s)
-    if good.sum() < 3 or np.ptp(value[good]) == 0.0:
-        return np.zeros(s.size)
-    return fit_course(s, value, None, group).slope(np.where(np.isfinite(s), s, 0.0))
 
 
 def meeting(place: Float, angle: Float, other_place: Float, other_angle: Float) -> Float:

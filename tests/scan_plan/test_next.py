@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workbench.artefacts import Cloud, Inspection, MilledEdge
+from workbench.artefacts import Cloud, Document, Inspection, MilledEdge
 from workbench.artefacts.edges import conformity
 from workbench.cloud import denoise
 from workbench.edge import segment
@@ -105,6 +105,17 @@ def test_the_file_is_an_edge_for_the_plan_of_a_scan(tmp_path: Path) -> None:
     made = plan(edge=file, sensor=Path("data/calibration/sensor.json"))[0]
     length = proposal["to_mm"] - proposal["from_mm"]
     assert made.edge.length_mm == pytest.approx(length, rel=0.02)  # type: ignore[union-attr]
+
+
+def test_what_a_sensor_file_leaves_open_is_the_recording_s(tmp_path: Path) -> None:
+    cloud, edge = scanned(42.0)
+    found = sections(edge, root_tolerance_mm=CLOSE)
+    sensor = tmp_path / "sensor.json"
+    sensor.write_text('{"linearity_mm": 0.0005}')
+    with_it, without = (next_(cloud, edge, found, sensor=one)[0] for one in (sensor, None))
+    assert isinstance(with_it, Document)
+    assert isinstance(without, Document)
+    assert with_it.content == without.content
 
 
 def test_a_pass_that_decides_nothing_is_not_called_the_next_scan() -> None:

@@ -17,6 +17,7 @@ from workbench.stage import InputFile, stage
 from workbench.units import DEG, Float
 
 if TYPE_CHECKING:
+    from workbench.result_files import SensorFile
     from workbench.scan_plan.information import Knowledge, PassInformation, Profiler
 
 ELEVATIONS_DEG = tuple(range(-65, 85, 10))  # -25: both faces of a 40 deg bevel, and the lower surface, below 70 deg
@@ -24,7 +25,7 @@ COVERAGE = 2.0
 SURE, LIKELY = 0.95, 0.5  # probability of a verdict that is promised, and that is worth a pass
 POINT_MM = 5.0  # between points of the edge in the file
 SHOWN_FROM_BELOW = {"lost_columns", "shadow"}  # conditions that a view of the lower surface settles
-STANDOFF_MM = 100.0  # of a profiler whose sensor file is not given: its field of view is what counts
+STANDOFF_MM = 100.0  # of a profiler whose range nobody told: its field of view is what counts
 LEAST_MM, LEAST_DEG = 1e-4, 1e-3  # of a U that is told as a number
 NAME = "next_scan.json"
 NO_PASS = "no pass from -65° to 75° of elevation sees both faces with this profiler"
@@ -128,7 +129,7 @@ def next_(
         edge: the measured edge.
         inspection: its verdict.
         edge_condition: as in `edge.segment`.
-        sensor: a sensor.json; null: columns, field of view and noise of the recording.
+        sensor: a sensor.json; columns, field of view and noise that it leaves open are the recording's.
 
     Example:
         >>> from workbench import cloud, edge, inspect, scan, scan_next
@@ -147,7 +148,8 @@ def next_(
     from workbench.scan_plan.information import Knowledge
     from workbench.scan_plan.plan import as_profiler
 
-    profiler = _as_recorded(cloud) if sensor is None else as_profiler(SensorFile.read(sensor), sensor)
+    told = SensorFile() if sensor is None else SensorFile.read(sensor)
+    profiler = as_profiler(_as_recorded(cloud, told), sensor)
     covariance = cloud.hand_eye_covariance
     turn = 0.0 if covariance is None else math.sqrt(float(np.trace(covariance[3:, 3:])) / 3.0)
     known = Knowledge(usual_noise_mm(robot_noise_mm), turn, edge_condition)
@@ -223,15 +225,20 @@ def _elevations(cloud: Cloud, edge: MilledEdge) -> list[float]:
     return [float(np.median(elevation[passes == one])) for one in np.unique(passes)]
 
 
-def _as_recorded(cloud: Cloud) -> Profiler:
-    """The profiler by what it returned: its columns, as wide as they reach, and the noise between neighbours."""
+def _as_recorded(cloud: Cloud, told: SensorFile) -> SensorFile:
+    """What is told, else what was returned: columns, as wide as they reach, and the noise between neighbours."""
     from workbench.scan_plan.edges import noise_mm
-    from workbench.scan_plan.information import Profiler
 
     x, z = cloud.x_mm[:: max(1, len(cloud.x_mm) // 200)], cloud.z_mm[:: max(1, len(cloud.z_mm) // 200)].astype(float)
     width = float(np.nanmax(x) - np.nanmin(x))
     near, far = STANDOFF_MM - 0.5 * width, STANDOFF_MM + 0.5 * width
-    return Profiler(cloud.x_mm.shape[1], (near, far), (width, width), max(noise_mm(z), 1e-4))
+    returned = {
+        "columns": cloud.x_mm.shape[1],
+        "measuring_range_mm": (near, far),
+        "width_mm": (width, width),
+        "noise_mm": max(noise_mm(z), 1e-4),
+    }
+    return told.model_copy(update={key: of for key, of in returned.items() if getattr(told, key) is None})
 
 
 def _sentence(best: Proposal, left: Sequence[Open], chance: dict[int, float], stretch: tuple[float, float]) -> str:

@@ -312,7 +312,7 @@ class Task(NamedTuple):
         return drift_mm(self.joint, self.profiler, view, self.edge.length_mm)
 
 
-def as_profiler(file: SensorFile, path: Path) -> Profiler:
+def as_profiler(file: SensorFile, path: Path | None) -> Profiler:
     """What the prediction needs of a sensor file.
 
     Raises:

@@ -12,11 +12,12 @@ import numpy as np
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, Cloud
 from workbench.edge.directions import near_slope, wrapped
 from workbench.edge.faces import TrackedFaces
+from workbench.geometry.chains import FaceLines
 from workbench.geometry.course import fit_course
 from workbench.geometry.curves import Curve
 from workbench.geometry.grids import columns_to_next
 from workbench.geometry.sections import SectionLines, crossing, in_section, section_lines
-from workbench.units import Float, Int, Shaped
+from workbench.units import Bool, Float, Int, Shaped
 
 MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's last return
 
@@ -77,7 +78,12 @@ def root_ends(
         down, step = np.where(at_corner, lower, down), np.where(at_corner, 0.0, step)
         root_share = np.where(at_corner, (1.0 / np.tan(beta) - 1.0 / np.tan(lean)) ** 2, root_share)
     variance = root_share * root.offset_variance + bevel.offset_variance / np.sin(beta) ** 2
-    return RootEnds(corner.up - down, step, np.sqrt(variance), missing_share(tracked, cloud.pass_index))
+    return RootEnds(
+        corner.up - down,
+        step,
+        np.sqrt(variance),
+        missing_share(tracked.faces[ROOT_FACE], tracked.end_is_mixed, cloud.pass_index),
+    )
 
 
 def _lower_corner(
@@ -102,17 +108,16 @@ def _lower_corner(
     return crossing(root.place, tilt, lower.place, tilt + lean), lean
 
 
-def missing_share(tracked: TrackedFaces, pass_index: Int) -> Float:
-    """Probability that a column of the root face has no return on it (N,).
+def missing_share(face: FaceLines, mixed: Bool, pass_index: Int) -> Float:
+    """Probability that a column of a face has no return on it (N,).
 
-    The share inside the face, one value a pass; at the end of the face MIXED where the next column saw a mixed pixel,
+    The share inside the face, one value a pass; at its end MIXED in frames whose next column saw a `mixed` pixel (N,),
     which may have taken the place of the face's last return as well as of the first one behind it.
     """
-    root = tracked.faces[ROOT_FACE]
-    share = np.full(root.count.shape, np.nan)
+    share = np.full(face.count.shape, np.nan)
     for p in np.unique(pass_index):
-        mine = (pass_index == p) & (root.count > 2)
-        inner = (root.columns[mine, 1] - root.columns[mine, 0] - 1).sum()
+        mine = (pass_index == p) & (face.count > 2)
+        inner = (face.columns[mine, 1] - face.columns[mine, 0] - 1).sum()
         if inner > 0:
-            share[pass_index == p] = 1.0 - (root.count[mine] - 2).sum() / inner
-    return np.where(tracked.end_is_mixed, MIXED, np.clip(share, 0.02, 0.6))
+            share[pass_index == p] = 1.0 - (face.count[mine] - 2).sum() / inner
+    return np.where(mixed, MIXED, np.clip(share, 0.02, 0.6))

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
+from workbench.edge.faces import face_lines
 from workbench.errors import InputError
-from workbench.geometry import end_face
+from workbench.geometry import end_face, tracking
 from workbench.geometry.blocks import as_input, as_rows, over_blocks
 from workbench.geometry.chains import FaceLines
 from workbench.units import AnyArray, Bool, Float, Int, Shaped
@@ -106,9 +107,9 @@ def lasting(streaks: Bool, seen: Bool, cloud: Cloud) -> Bool:
 
 def _gather(sums: Float, ends: Float, seen: Bool, side: Float, sense: float, labels: AnyArray) -> RawFaces:
     """What the kernel reports, for the frames `seen`."""
-    faces = {int(label): _face_lines(sums[:, f], seen) for f, label in enumerate(LABELS)}
+    faces = {int(label): face_lines(sums[:, f], seen) for f, label in enumerate(LABELS)}
     lower, upper = (_ends(sums, ends[:, k], seen, f) for k, f in enumerate((end_face.LOWER, end_face.UPPER)))
-    return RawFaces(faces, _face_lines(sums[:, end_face.WHOLE], seen), lower, upper, seen, side, sense, labels)
+    return RawFaces(faces, face_lines(sums[:, end_face.WHOLE], seen), lower, upper, seen, side, sense, labels)
 
 
 def middle_of(cloud: Cloud, face: FaceLines) -> Float:
@@ -125,30 +126,13 @@ def outward_of(cloud: Cloud, found: RawFaces) -> Float:
     return np.asarray(found.sense * (slope * x - z) / np.hypot(1.0, slope))
 
 
-def _face_lines(sums: Float, seen: Bool) -> FaceLines:
-    """The kernel's sums (N, 8) of one face as FaceLines."""
-    here = seen & (sums[:, end_face.COUNT] >= 3)
-    value = np.where(here[:, None], sums, np.nan)
-    columns = np.where(here[:, None], sums[:, [end_face.FIRST, end_face.LAST]], -1).astype(np.int64)
-    count = np.where(here, sums[:, end_face.COUNT], 0).astype(np.int64)
-    return FaceLines(
-        count,
-        value[:, end_face.X_MEAN],
-        value[:, end_face.Z_MEAN],
-        value[:, end_face.SXX],
-        value[:, end_face.SXZ],
-        value[:, end_face.SZZ],
-        columns,
-    )
-
-
 def _ends(sums: Float, ends: Float, seen: Bool, surface: int) -> FaceEnds:
     """One end of the face: the crossing with its surface where that is seen, else the last return."""
     kind = np.where(seen, ends[:, end_face.KIND], end_face.HIDDEN)
     corner = kind == end_face.CORNER
     with np.errstate(divide="ignore", invalid="ignore"):
-        slope = sums[:, :, end_face.SXZ] / sums[:, :, end_face.SXX]
-        offset = sums[:, :, end_face.Z_MEAN] - slope * sums[:, :, end_face.X_MEAN]
+        slope = sums[:, :, tracking.SXZ] / sums[:, :, tracking.SXX]
+        offset = sums[:, :, tracking.Z_MEAN] - slope * sums[:, :, tracking.X_MEAN]
         x = (offset[:, surface] - offset[:, end_face.FACE]) / (slope[:, end_face.FACE] - slope[:, surface])
         crossing = np.stack([x, slope[:, end_face.FACE] * x + offset[:, end_face.FACE]], axis=1)
     point = np.where(corner[:, None], crossing, ends[:, [end_face.END_X, end_face.END_Z]])

@@ -18,6 +18,7 @@ from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.edge.broken_end import BrokenEnd, FaceRim, broken_end, weights, whole_end
 from workbench.edge.directions import LOCAL_MM, TOGETHER_MM, between, go_together, near_slope, wrapped
 from workbench.edge.end_templates import EdgeCondition
+from workbench.edge.frame_ends import missing_share
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.edge.raw_faces import FaceEnds, RawFaces, middle_of, outward_of
 from workbench.edge.raw_local import local_mean
@@ -34,7 +35,6 @@ from workbench.geometry.silhouette import Ends, find_end, reached_mm, settled
 from workbench.geometry.splines import Spline, through
 from workbench.units import Bool, Float, Int, Shaped
 
-MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's last return
 ROUGH_SLOPE = 2.0  # slope of a rough face over its height, 1/mm: waves of some mm
 # Roughness within frames from which a face is its local plane: beyond texture, which bins average, and over the range
 # noise by more than its estimate errs.
@@ -396,7 +396,7 @@ def _side(
     where, low, steps, noise, missing = np.full((5, here.size), np.nan)
     where[here], steps[here], noise[here] = s, step, np.maximum(blur, 1e-3)
     low[here] = outward * (place[:, 0] * c[:, 0] + place[:, 1] * d[:, 0] + bend(s))
-    missing[here] = _missing(found, ends, cloud.pass_index)[here]
+    missing[here] = missing_share(face, ends.alone, cloud.pass_index)[here]
     low[_at_rim(where)] = np.nan
     silhouette, corner = np.isfinite(low) & (steps > 0), np.isfinite(low) & (steps == 0)
     by_corners = _covered(where, corner)
@@ -448,18 +448,6 @@ def _bend(curve: Curve, tilt: Course, turn: float) -> Spline:
 def _integral(value: Float) -> Float:
     """From the first place on, of values (k,) every ALONG_MM."""
     return ALONG_MM * np.append(0.0, np.cumsum((value[:-1] + value[1:]) / 2))
-
-
-def _missing(found: RawFaces, ends: FaceEnds, pass_index: Int) -> Float:
-    """Probability that a column at the face's end has no return (N,): as inside the face, MIXED at a mixed pixel."""
-    face = found.faces[ROOT_FACE]
-    share = np.full(face.count.shape, np.nan)
-    for p in np.unique(pass_index):
-        mine = (pass_index == p) & (face.count > 2)
-        if mine.any():
-            columns = (face.columns[mine, 1] - face.columns[mine, 0] + 1).sum()
-            share[pass_index == p] = 1.0 - face.count[mine].sum() / columns
-    return np.where(ends.alone, MIXED, np.clip(share, 0.02, 0.6))
 
 
 def _found_end(

@@ -11,12 +11,12 @@ import math
 import numpy as np
 
 from workbench.geometry.medians import median_of
+from workbench.geometry.tracking import COUNT, FIRST, LAST, SXX, SXZ, SZZ, X_MEAN, Z_MEAN, stands_alone
 from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int
 
-# Faces that `read_frame` reports, and what it reports of each, as in geometry.tracking.
+# Faces that `read_frame` reports; of each the sums of geometry.tracking.
 FACE, UPPER, LOWER, WHOLE = range(4)  # WHOLE: the end face with its margins
-COUNT, X_MEAN, Z_MEAN, SXX, SXZ, SZZ, FIRST, LAST = range(8)
 # What it reports of the face's lower end (0) and upper end (1).
 KIND, END_X, END_Z, COLUMN, PITCH, SLOPE, ALONE, PROUD, GAP = range(9)
 HIDDEN, SILHOUETTE, CORNER, GOES_ON = range(4)  # kinds of ends
@@ -353,15 +353,6 @@ def _what_ends(p: Float, depth: Float, at: Int, n: int, columns: int, end: int, 
         start -= way
     far = math.hypot(p[k - way] - p[start], depth[k - way] - depth[start])
     return GOES_ON if on >= 4 and far > BROKEN_MM else SILHOUETTE
-
-
-@kernel
-def stands_alone(z: Float32, j: int, way: int, step_mm: float) -> bool:
-    """Does column j return a range that the next one outwards does not share to `step_mm`: a mixed pixel?"""
-    if j < 0 or j >= z.size or not np.isfinite(z[j]):
-        return False
-    beyond = j + way
-    return beyond < 0 or beyond >= z.size or not abs(z[j] - z[beyond]) < step_mm
 
 
 @kernel

@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.geometry.blocks import as_input, as_rows, in_order
-from workbench.geometry.end_face import stands_alone
 from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
@@ -269,6 +268,15 @@ def _burred(x: Float32, z: Float32, keep: Bool, j: int, direction: int, line: Fl
             break
         rising += 1
     return rising >= 2
+
+
+@kernel
+def stands_alone(z: Float32, j: int, way: int, step_mm: float) -> bool:
+    """Does column j return a range that the next one outwards does not share to `step_mm`: a mixed pixel?"""
+    if j < 0 or j >= z.size or not np.isfinite(z[j]):
+        return False
+    beyond = j + way
+    return beyond < 0 or beyond >= z.size or not abs(z[j] - z[beyond]) < step_mm
 
 
 @kernel

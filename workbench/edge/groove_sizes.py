@@ -18,7 +18,7 @@ from workbench.edge.joint_lines import LEAST_FRAMES, Along, JointLines, Place, V
 from workbench.edge.residual_image import Linearity, forms
 from workbench.edge.steps import own_places, readings
 from workbench.geometry.course import fit_course
-from workbench.geometry.silhouette import CELL_MM, Ends, find_end
+from workbench.geometry.silhouette import Ends, find_end
 from workbench.units import DEG, Bool, Float
 
 LEAST_DEPTH_MM = 4.0  # of a groove whose faces are not seen, for judging the levels of its plates
@@ -507,11 +507,8 @@ class GrooveSizes:
         share = min(max(float(known.mean()) if known.size else 0.0, LEAST_LOST), MOST_LOST)
         rough = fit_course(s, low + 0.5 * step, step**2 / 12.0 + sigma**2, self.group[order])
         found = find_end(Ends(s, low, step, sigma * one, share * one, one, 0.0 * one), rough)
-        told = self.joint.near(good)
-        for place in found.s[found.contradicted]:
-            told &= np.abs(self.at - place) >= CELL_MM
         said = readings(found.s, found.middle, found.middle_u, self.at, found.course)
-        value = np.where(told, found.course.value(self.at) + said.shift_mm, np.nan)
+        value = np.where(self.joint.near(good), found.course.value(self.at) + said.shift_mm, np.nan)
         return value, np.hypot(found.course.u(self.at), said.u_mm)
 
     def _foot(self, k: int, deep: Mapping[str, float]) -> Place | None:

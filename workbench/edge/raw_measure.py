@@ -22,7 +22,6 @@ from workbench.edge.frame_ends import missing_share
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.edge.raw_faces import FaceEnds, RawFaces, middle_of, outward_of
 from workbench.edge.raw_local import local_mean
-from workbench.edge.sizes import NEAR_MM
 from workbench.errors import InputError
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.course import Course, fit_course, process_told
@@ -31,7 +30,7 @@ from workbench.geometry.end_face import MARGIN_MM
 from workbench.geometry.grids import columns_to_next
 from workbench.geometry.processes import Process, Shared
 from workbench.geometry.sections import SectionLines, in_section, section_lines
-from workbench.geometry.silhouette import Ends, find_end, reached_mm, settled
+from workbench.geometry.silhouette import Ends, find_end, settled
 from workbench.geometry.splines import Spline, through
 from workbench.units import Bool, Float, Int, Shaped
 
@@ -63,8 +62,6 @@ class EndAlong:
     bend: Spline  # arc length -> mm
     s: Shaped[Float, " N"]  # arc length at which each frame shows it; NaN where it does not
     broken: BrokenEnd  # of the N frames
-    # by how much it may be off at each frame: what frames say does not run smoothly there
-    loose_mm: Shaped[Float, " N"]
 
     def value(self, at: Float) -> Float:
         """Distance (k,) at arc lengths `at` (k,), mm."""
@@ -257,7 +254,7 @@ def _state(
     ]
     lower, upper = (_end_along(cloud, found, side, bend, shared, whole, condition) for side in both)
     if rough:
-        tilt = _reaching(tilt, found, sigma, turn_mm, lower, upper)
+        tilt = _reaching(tilt, found, sigma, turn_mm)
     lean = _lean(cloud, found, curve, s, tilt, sigma)
     lever = abs(float(np.nanmedian((face.place * m).sum(axis=1))))
     pitch = float(np.ptp(face.s[np.isfinite(face.s)])) / max(int(np.isfinite(face.s).sum()), 1)
@@ -292,8 +289,8 @@ def _whole(found: RawFaces) -> Bool:
         return np.asarray(width > np.nanmedian(width) - MARGIN_MM)
 
 
-def _reaching(tilt: Course, found: RawFaces, sigma: float, turned: float, lower: EndAlong, upper: EndAlong) -> Course:
-    """The direction of a rough face, uncertain by how far the face reaches: to a column, and by what is loose.
+def _reaching(tilt: Course, found: RawFaces, sigma: float, turned: float) -> Course:
+    """The direction of a rough face, uncertain by how far the face reaches: to a column.
 
     A strip of width e at both ends turns it by `turned` (rad, 1 mm) sqrt(e), a strip at one end that lies r off the
     line by 6 e r / w^2.
@@ -302,11 +299,7 @@ def _reaching(tilt: Course, found: RawFaces, sigma: float, turned: float, lower:
     on = face.count > 0
     lean = np.hypot(1.0, face.sxz[on] / face.sxx[on])
     width = float(np.median(np.sqrt(12.0 * face.sxx[on] / face.count[on]) * lean))
-    step = float(np.median(width / face.count[on]))
-    strip = np.full(tilt.at_mm.size, step)
-    for end in (lower, upper):
-        strip = np.hypot(strip, between(end.s, end.loose_mm, tilt.at_mm))
-    strip = np.minimum(strip, width)
+    strip = float(np.median(width / face.count[on]))
     turn = 6.0 * strip * _roughness(found, sigma) / width**2
     return replace(tilt, variance=tilt.variance + turn**2 + turned**2 * strip)
 
@@ -456,12 +449,11 @@ def _found_end(
     orders: tuple[int, int],
     shared: Shared,
     whole: bool = True,
-) -> tuple[Course, Float]:
-    """The end of the face along the edge, counted outwards; by how much most frames near each (N,) say otherwise."""
+) -> Course:
+    """The end of the face along the edge, counted outwards."""
     course = fit_course(side.s, side.middle, side.variance, pass_index, orders, shared=shared)
-    off = np.zeros(side.s.size)
     if not whole or not (side.silhouette & np.isfinite(side.low)).any():
-        return course, off
+        return course
     column = np.where(side.silhouette, side.ends.column, 0).astype(np.int64)
     freed = settled(side.s, side.low, side.step, side.sigma, column, pass_index)
     on = np.flatnonzero(course.kept & np.isfinite(freed.low) & np.isfinite(freed.sigma))
@@ -475,12 +467,7 @@ def _found_end(
         freed.weight[on],
         freed.doubt[on],
     )
-    end = find_end(known, course, shared, orders)
-    near = np.abs(side.s[:, None] - end.s[None, end.contradicted]) <= NEAR_MM
-    off = np.where(near, np.abs(end.departure[end.contradicted])[None, :], 0.0).max(axis=1, initial=0.0)
-    low = np.where(side.silhouette, side.low, np.nan)
-    further = reached_mm(side.s, low, side.step, side.sigma, end.course, end.s)
-    return end.course, np.maximum(off, np.interp(np.nan_to_num(side.s), end.s, further))
+    return find_end(known, course, shared, orders).course
 
 
 def _end_along(
@@ -504,8 +491,8 @@ def _end_along(
             low=side.low + broken.beyond_mm,
             sigma=side.sigma / np.sqrt(np.maximum(weights(side.s, broken.doubt_mm), 1e-6)),
         )
-    course, off = _found_end(side, cloud.pass_index, (2, 3), shared, whole)
-    return EndAlong(_scaled(course, side.outward), bend, side.s, broken, off)
+    course = _found_end(side, cloud.pass_index, (2, 3), shared, whole)
+    return EndAlong(_scaled(course, side.outward), bend, side.s, broken)
 
 
 def _broken(cloud: Cloud, found: RawFaces, side: _Side, condition: EdgeCondition) -> BrokenEnd:

@@ -23,7 +23,7 @@ from workbench.geometry.course import ALONE, Course, fit_course
 from workbench.geometry.medians import medians
 from workbench.geometry.processes import Shared
 from workbench.kernels import kernel
-from workbench.units import Bool, Float, Int, Shaped
+from workbench.units import Float, Int, Shaped
 
 LEAST_FRAMES = 30  # of a pass: fewer do not tell noise from vibration
 LIMIT_SIGMAS = 1.5  # room for noise at a column's limits where frames share it
@@ -39,12 +39,7 @@ REACH_STEPS, REACH_SIGMAS = 1.5, 6.0  # half width of that grid
 # since whole ones may swing; at most.
 SETTLED_U, WHOLE_ROUNDS, PART_STEP, MOST_ROUNDS = 0.1, 3, 0.5, 12
 UNSEEN_STEPS, UNSEEN_MM = 0.05, 20.0  # of a column step, over which the end may wave unseen
-CONTRADICTED = 0.5  # of a cell's frames: the smooth course is wrong there
-SURE_SIGMAS = 5.0
-# Frames that show the face beyond its told end: by how many columns and sigmas, how many at least, over how much edge.
-FURTHER_STEPS, FURTHER_SIGMAS, FURTHER_SHARE, FURTHER_LEAST, FURTHER_MM = 1.0, 4.0, 0.1, 3, 20.0
 LEAST_TOGETHER = 4  # cells that count as known together, however loose the course
-SWING_CELLS = 3  # over which a spline swings beside a step: one and a half of its pieces
 NOTHING = 36.0  # logarithms below the greatest: a share below the digits of a number
 FAR_SIGMAS, NORMAL = 7.0, 4097  # where no noise is left to tell of; values in a table
 
@@ -122,9 +117,6 @@ class EndCourse:
 
     course: Course  # mm
     s: Shaped[Float, " c"]  # middle of each stretch of edge, mm
-    contradicted: Shaped[Bool, " c"]  # most frames there say something else than the course
-    # how far their middle lies off it there, mm; halved from cell to cell beside it; 0 elsewhere
-    departure: Shaped[Float, " c"]
     middle: Shaped[Float, " c"]  # of the column steps there, whatever the course says, mm
     middle_u: Shaped[Float, " c"]  # what the step leaves open, mm
 
@@ -173,48 +165,13 @@ def find_end(
         course = replace(course, variance=course.variance + still**2)
     if shared.may_step:
         course = replace(course, step_u=fit_course(place, weighted * said, said, None, orders, shared=shared).step_u)
-    about = course.value(ends.s)
-    contradicted = np.bincount(cell, _off_course(ends, about)) / count > CONTRADICTED
-    first_of = np.searchsorted(cell, np.arange(place.size + 1))  # frames are in order
-    middle = medians(ends.low + 0.5 * ends.step, first_of)
-    departure = np.where(contradicted, middle - course.value(place), 0.0)
-    most = np.maximum.reduceat(ends.weight, first_of[:-1])
+    first_of = np.searchsorted(cell, np.arange(place.size))  # frames are in order
+    most = np.maximum.reduceat(ends.weight, first_of)
     counts = ends.weight > 0.5 * most[cell]  # a pass that does not see the end says nothing of where it is
     middle = medians((ends.low + 0.5 * ends.step)[counts], np.searchsorted(cell[counts], np.arange(place.size + 1)))
     middle_u = np.sqrt((np.bincount(cell, ends.step) / count) ** 2 / 12.0 + sigma**2)
     course = _doubted(course, place, ends, cell)
-    return EndCourse(course, place, contradicted, _beside(departure), middle, middle_u)
-
-
-def reached_mm(s: Float, low: Float, step: Float, sigma: Float, course: Course, at: Float) -> Float:
-    """By how much frames near `at` (m,) show returns on the face beyond its told end, mm; 0 where too few do.
-
-    Most frames may have lost the end of a face (an exposure that alternates): a face does not return where it is not.
-    s, low, step, sigma (N,): of the frames, as those of `Ends`, NaN where a frame does not show it.
-    """
-    on = np.flatnonzero(np.isfinite(s) & np.isfinite(low) & (step > 0.0))
-    if not on.size:
-        return np.zeros(at.size)
-    on = on[np.argsort(s[on], kind="stable")]
-    place = s[on]
-    over = low[on] - course.value(place)
-    beyond = over > np.maximum(FURTHER_STEPS * step[on], 0.5 * step[on] + FURTHER_SIGMAS * sigma[on])
-    first, last = (np.searchsorted(place, at + way * 0.5 * FURTHER_MM) for way in (-1.0, 1.0))
-    count = np.concatenate([[0], np.cumsum(beyond)])
-    out = np.zeros(at.size)
-    for k in np.flatnonzero(count[last] - count[first] > np.maximum(FURTHER_SHARE * (last - first), FURTHER_LEAST)):
-        out[k] = np.median(over[first[k] : last[k]][beyond[first[k] : last[k]]])
-    return out
-
-
-def _beside(departure: Float) -> Float:
-    """Departures (c,) and what a spline's swing makes of them over SWING_CELLS beside, halved from cell to cell."""
-    out = departure.copy()
-    for away in range(1, min(SWING_CELLS, departure.size - 1) + 1):
-        for beside, here in ((departure[:-away], out[away:]), (departure[away:], out[:-away])):
-            share = 0.5**away * beside
-            np.copyto(here, share, where=np.abs(share) > np.abs(here))
-    return out
+    return EndCourse(course, place, middle, middle_u)
 
 
 def _doubted(course: Course, place: Float, ends: Ends, cell: Int) -> Course:
@@ -282,13 +239,6 @@ def _fill_moments(rows: Float, first: Int, last: Int, prior: Float, grid: Float,
                 square += share * grid[g] ** 2
         out[0, c] = mean / total
         out[1, c] = square / total - (mean / total) ** 2
-
-
-def _off_course(ends: Ends, about: Float) -> Float:
-    """1 for each frame that has its end columns away from the course, else 0."""
-    beyond = about > ends.low + 1.5 * ends.step + SURE_SIGMAS * ends.sigma
-    before = about < ends.low - 0.5 * ends.step - SURE_SIGMAS * ends.sigma
-    return np.asarray(beyond | before, dtype=float)
 
 
 @kernel(error_model="numpy")

@@ -35,7 +35,6 @@ ALL_ALIKE = 1e-12  # of the strongest: what differences of passes do not tell, t
 MEETING, SURE_STEP = 6, 4.0
 AGREED = 2.0  # times the usual difference of neighbours: values that leave the course by it together are no strays
 LEAST_VALUES = 5  # of a pass that is judged, or may lie beside the others, by itself
-SWING = 4  # pieces of the spline beside what it leaves out, over which it swings
 READMITTED = 3  # times that outliers are told again, by the course that was fitted without them
 CHANCE = 2.0  # standard deviations by which two passes differ where nothing is wrong
 LEAST_OWN = 0.01  # of what neighbours differ, that they do not share
@@ -168,10 +167,10 @@ def fit_course(
         course = _fit(values, bins, stated, orders, course.stiffness, unseen, bin_mm, shared)
     if shared.may_step:
         course = replace(course, step_u=_step_u(values, bins, course.noise_factor, orders, shared))
-    return _unfollowed(course, bins, values)
+    return _unfollowed(course, values)
 
 
-def _unfollowed(course: Course, bins: Bins, values: Values) -> Course:
+def _unfollowed(course: Course, values: Values) -> Course:
     """The course, uncertain by all that successive values leave it by together, dropped or not.
 
     Strays are single values. Where most of LEAST_VALUES in a row lie off by more than neighbours differ and the others
@@ -195,7 +194,6 @@ def _unfollowed(course: Course, bins: Bins, values: Values) -> Course:
     half = 0.125 * (knots[4] - knots[3])  # of a station: more would water down a short notch
     ends = np.searchsorted(values.s[order], course.at_mm + np.array([[-half], [half]]))
     pull, total = (np.diff(np.append(0.0, np.cumsum((weight * of)[order]))[ends], axis=0)[0] for of in (together, 1.0))
-    course = _misfit_elsewhere(course, bins, _neighbours(pull, 8 * SWING + 1).max(axis=-1) > 0.0)
     departure = _neighbours(pull / np.where(pull > 0.0, total, 1.0), 5).max(axis=-1)
     turn = departure / (2.0 * (course.at_mm[1] - course.at_mm[0]))
     variance, slope_variance = course.variance + departure**2, course.slope_variance + turn**2
@@ -223,20 +221,6 @@ def _lasting(off: Float, size: Float, step: Float) -> None:
                 m -= 1
             row[m] = length[first + k]
         size[i] = row[LEAST_VALUES // 2]
-
-
-def _misfit_elsewhere(course: Course, bins: Bins, beside: Bool) -> Course:
-    """The course, its u raised by the whole misfit only at the stations `beside` (k,) what it leaves out."""
-    bins, *_ = _aligned(bins, bool((course.stiffness[:, 0] > 1).all()))
-    away = np.interp(bins.s, course.at_mm, beside.astype(float)) == 0.0
-    if not away.any():
-        return course
-    left = (bins.y - course.value(bins.s).reshape(bins.y.shape))[away]
-    weight = 1.0 / (bins.variance[away] * course.noise_factor)
-    raised = max(1.0, course.misfit)
-    spent = float((weight * np.interp(bins.s[away], course.at_mm, course.variance)).sum()) / raised
-    lower = np.where(beside, 1.0, min(max(1.0, _misfit(left, weight, bins.group[away], spent)) / raised, 1.0))
-    return replace(course, variance=course.variance * lower, slope_variance=course.slope_variance * lower)
 
 
 def _neighbours(value: AnyArray, count: int) -> Float:

@@ -258,8 +258,6 @@ def _missing(chain: Chain, poses: Float, q: Float) -> tuple[Float, Float]:
 
 def _different(q: Float) -> Float:
     """Without solutions that repeat an earlier one."""
-    if len(q) < 2:
-        return q
     apart = np.abs(_wrapped(q[:, None] - q[None])).max(axis=2)
     return np.asarray(q[~(np.tril(apart < SAME, -1)).any(axis=1)])
 

@@ -200,9 +200,7 @@ def _check_kinds(document: ElementTree.Element, held: Mapping[str, float], flang
                 "a mimic joint (a parallelogram or another linkage): expected six joints that turn "
                 "by themselves" + ("" if name in arm else ", or this one in $.robot.held (or what it mimics)"),
             )
-        if name in held:
-            continue
-        if kind == "prismatic":
+        if kind == "prismatic" and name not in held:
             raise InputError(
                 where,
                 "expected a revolute joint, found a prismatic one: a linear track stands where the "
@@ -231,9 +229,6 @@ def _held(model: pin.Model, document: ElementTree.Element, held: Mapping[str, fl
     q = pin.neutral(model)
     for name, value in held.items():
         joint = model.joints[model.getJointId(name)]
-        if joint.nq != joint.nv:  # pin has continuous joints as cosine and sine
-            q[joint.idx_q : joint.idx_q + 2] = np.cos(value * DEG), np.sin(value * DEG)
-            continue
         at = value / MM if kinds[name] == "prismatic" else value * DEG
         low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
         if not low - 1e-9 <= at <= high + 1e-9:

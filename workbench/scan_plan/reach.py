@@ -69,10 +69,6 @@ class Examiner:
         self.boxes = [np.stack([one.min(axis=0), one.max(axis=0)]) for one in corners]  # each in the shape's frame
         self.on_base = frozenset(shape.body for shape, _ in self.rays if shape.link == ON_BASE)
 
-    def __repr__(self) -> str:
-        """What it asks."""
-        return f"Examiner({self.screen!r})"
-
     def reach(self, base_from_view: Float, turned: Sequence[Float], table: float) -> Reached | str:
         """Postures along poses (k, 4, 4) of a part that stands as planned, the turntable at `table`; or why not.
 

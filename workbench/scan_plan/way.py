@@ -45,12 +45,10 @@ class EdgeLine:
         A scanner that follows errors of taught points swings, a stand-off away. `upper_side` (3,) or (p, 3): roughly m.
 
         Raises:
-            InputError: fewer than two different points, less than 5 mm of edge, or an upper side along the edge.
+            InputError: less than 5 mm of edge, or an upper side along the edge.
         """
         step = np.linalg.norm(np.diff(points_mm, axis=0), axis=1)
         points = points_mm[np.append(True, step > 1e-6)]
-        if len(points) < 2:
-            raise InputError(str(source), "expected at least two different points")
         upper = np.broadcast_to(upper_side, points_mm.shape)[np.append(True, step > 1e-6)]
         along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
         if along[-1] < LEAST_MM:

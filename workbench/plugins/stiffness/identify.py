@@ -40,7 +40,6 @@ from workbench.plugins.stiffness.load_checks import (
     check_size,
     check_springs,
     check_stated,
-    contradictory,
     counted_once,
     explain,
     rounded,
@@ -49,6 +48,7 @@ from workbench.plugins.stiffness.read import read_loads, stiffness_document
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests
 
 MANY = 0.1  # share of what was seen: where more contradicts the rest, it is no gross error here and there
+ASKED = "are the joint angles those at which the loads were put on?"
 
 
 @stage("stiffness.identify")
@@ -120,17 +120,18 @@ def identify_from(
         raise InputError(tests.source, f"expected at most {len(setup.targets_mm)} tracked points: {why}")
     eq = equations(chain, setup, tests)
     loading = Loading(eq)
-    labels = estimator.Labels(tests.source, tuple(range(len(loading.load))))
+    labels = estimator.Labels(tests.source, tuple(range(len(loading.load))), ask=ASKED)
+    refused: InputError | None = None
     try:
         found, left_out = estimator.without_blunders(loading, loading.fit().at, labels)
-    except InputError:
-        found, left_out = loading.fit(), dict.fromkeys(range(len(loading.load)), "")
-    many = len(left_out) > MANY * len(loading.load)
-    mistake = explain(chain, setup, tests, loading.fit() if many else found, largest_relative_u)
+    except InputError as error:
+        found, left_out, refused = loading.fit(), {}, error
+    doubtful = len(left_out) > MANY * len(loading.load)
+    mistake = explain(chain, setup, tests, loading.fit() if doubtful else found, largest_relative_u)
     if mistake:
         raise InputError(tests.source, mistake)
-    if len(left_out) == len(loading.load):
-        raise contradictory(tests, loading, found)
+    if refused is not None:
+        raise refused
     lack = lack_of_fit(chain, setup, tests, loading, found)
     noisy = found.freedom > 0 and found.chi2 > scipy.special.chdtri(found.freedom, 0.001)  # more than by chance
     covariance = found.inverse * max(lack.widened, found.misfit if noisy else 1.0)

@@ -181,19 +181,6 @@ def check_filled(tests: LoadingTests) -> None:
         )
 
 
-def contradictory(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]) -> InputError:
-    """The refusal of loads that contradict each other; of the postures, the one whose loads do most is named."""
-    distance = {
-        label: float(np.median(found.distance[[tests.labels[i] == label for i in loading.load]]))
-        for label in {tests.labels[i] for i in loading.load}
-    }
-    return InputError(
-        tests.source,
-        f"the loads contradict each other, a misfit of {found.misfit:.0f} where 1 is usual, most of them at posture "
-        f"{max(distance, key=lambda one: distance[one])}: are its angles those at which the loads were put on?",
-    )
-
-
 def counted_once(tests: LoadingTests) -> LoadingTests:
     """The tests without loads that stand in the file again, figure by figure: they are no further evidence."""
     whole = np.nan_to_num(np.column_stack([tests.joints, tests.wrench, tests.moved]), nan=np.inf)

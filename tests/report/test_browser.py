@@ -142,6 +142,7 @@ def test_a_section_tells_the_numbers_of_the_inspection_file(opened, measured, ch
         ("root_mm", "root_u_mm", "Root face ± U", 1e-3),
         ("bevel_deg", "bevel_u_deg", "Bevel angle ± U", 1e-2),
     ):
+        assert told[name].endswith("°" if key.endswith("_deg") else " mm")
         said = re.findall(r"[\d.]+", told[name])
         if stored[key] is None:
             assert said == []

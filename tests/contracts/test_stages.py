@@ -114,6 +114,7 @@ WRONG = {
     "utf16": '{"format": 1}'.encode("utf-16"),
     "binary": bytes(range(256)) * 40,
     "folder": None,
+    "missing": None,
 }
 
 
@@ -128,7 +129,10 @@ def test_a_file_of_another_kind_is_refused_by_its_name(name: str, called: Any, c
         given = next((one for one in calls[name] if one.given.get(key) is not None), first).given
         for kind, content in WRONG.items():
             path = tmp_path / f"{key} {kind}"
-            path.mkdir() if content is None else path.write_bytes(content)
+            if content is not None:
+                path.write_bytes(content)
+            elif kind == "folder":
+                path.mkdir()
             wrong = [path] * len(given[key]) if isinstance(given.get(key), list) else path
             with pytest.raises(WorkbenchError) as refused:
                 stage.function.__wrapped__(**given | {key: wrong})

@@ -44,7 +44,7 @@ def under_u_mm(cloud: Cloud, tracked: TrackedFaces, s_frames: Float, at: Float) 
     return gap_u_mm(gap, s_frames[on], at, math.hypot(0.5 * float(np.median(tracked.root_end[on, 2])), np.median(gate)))
 
 
-def raw_under_u_mm(cloud: Cloud, found: RawFaces, s_frames: Float, at: Float) -> Float:
+def raw_under_u_mm(found: RawFaces, s_frames: Float, at: Float) -> Float:
     """As `under_u_mm`, of the lower edge of a raw plate."""
     gap = found.lower.gap_mm
     on = np.flatnonzero(np.isfinite(gap) & np.isfinite(s_frames))

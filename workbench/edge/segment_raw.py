@@ -218,7 +218,7 @@ def _edge(
     steep = np.nanmedian(np.abs(found.faces[ROOT_FACE].sxz / found.faces[ROOT_FACE].sxx))
     broken = measured.lower.broken
     by_break, by_columns = together_along(measured.lower.s, broken.doubt_mm, at, broken.u_mm, broken.hidden_u_mm)
-    hidden = by_columns, raw_under_u_mm(cloud, found, lower_s, at)
+    hidden = by_columns, raw_under_u_mm(found, lower_s, at)
     along_m = {
         ROBOT: low_u[0],
         SPARSE: np.full(at.size, sparse_u_mm),

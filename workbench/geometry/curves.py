@@ -16,7 +16,6 @@ from workbench.geometry.splines import Spline, derivatives, piece_of, through
 from workbench.kernels import kernel
 from workbench.units import Bool, Float, Int, Shaped
 
-STEP_MM = 0.05  # a pass that moves less than this between frames stands still
 POSE_MM = 4.0  # longer than the errors of a robot's pose hang together, so that they average like noise
 BLOCK_MM = 4.0  # of motion, averaged for the rough course
 ACROSS = math.sqrt(1.5)  # points scatter about a curve in two of three components: none of it lies along the curve

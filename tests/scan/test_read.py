@@ -423,7 +423,7 @@ def test_a_single_frame_will_do_for_a_sphere_alone(build: Build) -> None:
 def test_a_truncated_file_is_refused(build: Build, kept: float) -> None:
     path = build(chunks=(5, 3))
     os.truncate(path, int(kept * path.stat().st_size) if 0 < kept < 1 else int(kept))
-    with pytest.raises(InputError, match="expected a complete HDF5 file|is empty: was it exported"):
+    with pytest.raises(InputError, match=r"expected a complete HDF5 file|is empty: was it exported"):
         read(recording=path)
 
 

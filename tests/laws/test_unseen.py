@@ -75,6 +75,27 @@ def test_it_costs_no_more_than_the_inspection_says(change: str) -> None:
         assert np.median(moved) <= 1.1 * cost + slack
 
 
+@pytest.mark.parametrize("to_mm", [50.0, 70.0])
+def test_an_end_that_jumps_is_told_and_may_be_the_edge_that_steps(to_mm: float) -> None:
+    off_mm, from_mm = 0.3, 30.0
+    edge, _ = as_it_is()
+    cloud = denoise(fuse(recording()))
+    station = np.abs(np.subtract.outer(edge.frame_arc_length_mm, edge.arc_length_mm)).argmin(axis=1)
+    x, z = (np.nan_to_num(of.astype(float)) for of in (cloud.x_mm, cloud.z_mm))
+    points = np.stack([x, np.zeros_like(x), z, np.ones_like(x)], axis=2) @ cloud.base_from_profiler[:, :3].mT
+    height = np.einsum("fcd,fd->fc", points - edge.position_mm[station, None], edge.across[station])
+    there = (edge.frame_arc_length_mm > from_mm) & (edge.frame_arc_length_mm < to_mm)
+    lost = there[:, None] & (edge.labels == ROOT_FACE) & (height < off_mm)
+    found, _ = measured(replace(recording(), z_mm=np.where(lost, np.nan, recording().z_mm)))
+    assert any("itself steps" in one for one in found.warnings)
+    assert not any("itself steps" in one for one in edge.warnings)
+    before = np.interp(found.arc_length_mm, edge.arc_length_mm, edge.root.value)
+    stepped = before - np.where((found.arc_length_mm > from_mm) & (found.arc_length_mm < to_mm), off_mm, 0.0)
+    away = np.abs(np.subtract.outer(found.arc_length_mm, [from_mm, to_mm])).min(axis=1) > 2.0
+    for possible in (before, stepped):
+        assert (np.abs(found.root.value - possible) < 3.0 * found.root.u)[away].all()
+
+
 def test_a_hand_eye_pose_whose_u_is_known_is_no_doubt() -> None:
     cloud = denoise(fuse(recording()))
     known = segment(replace(cloud, hand_eye_covariance=np.diag([0.01] * 3 + [1e-8] * 3)))

@@ -77,6 +77,10 @@ ROUGH = (
     "angle counts from what stretches of {:g} mm show"
 )
 
+STEPPED = (
+    "the root face's end lies {:.2f} mm off its course over {:.0f} mm of edge, about {:.0f} mm along it: returns are "
+    "lost there, a burr stands out, or the edge itself steps: look at it; what a step would cost is in u"
+)
 ASIDE = "a part of the {} stands aside by {:.2f} mm, a step or second returns: sizes are those of its line without it"
 
 
@@ -251,6 +255,7 @@ def milled_edge(
         told += (LIES_ON,)
     faces = ("root face", root_form), ("bevel face", bevel_form)
     told += tuple(ASIDE.format(name, one.aside_mm) for name, one in faces if one.aside_mm > ASIDE_MM[0])
+    told += _steps(measured, at)
     if measured.faces.even is not None:
         told += (ROUGH.format(rough_deg(measured, at + measured.shift), TOGETHER_MM),)
     return MilledEdge(
@@ -273,6 +278,16 @@ def milled_edge(
         bevel=bevel,
         warnings=told,
     )
+
+
+def _steps(measured: Measured, at: Float) -> tuple[str, ...]:
+    """The largest step that the edge may have at arc lengths `at` (m,), where it stands out of the course."""
+    step = np.interp(at + measured.shift, measured.end.course.at_mm, measured.said.step_mm)
+    off = np.abs(step) > 2.0 * measured.end.course.u(at + measured.shift)
+    if not off.any():
+        return ()
+    most = np.argmax(np.abs(step))
+    return (STEPPED.format(step[most], STATION_MM * off.sum(), at[most]),)
 
 
 def _forms(

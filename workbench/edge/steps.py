@@ -4,7 +4,7 @@ A milled edge changes smoothly. Where the end of a face jumps, something may sta
 may be lost on the other. Three readings of the ends are weighed by their evidence (docs/method.md, section 4): all of
 them are the face's; where not, it is prolonged; where not, it is shortened. In the two latter every way counts to part
 the cells into the face's own and stretches off it, by ragged heights or by one (a hidden semi-Markov chain: Yu,
-Artificial Intelligence 174 (2010), 215).
+Artificial Intelligence 174 (2010), 215). A stretch off by one height may as well be the edge itself, which steps.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ LOG_NONE, LOG_ALL = math.log1p(-BEGIN.sum()), math.log1p((BEGIN / END).sum())
 OFF_MM, RAGGED_MM = 0.1, 0.02  # usual height off the face; by which ragged ones change from cell to cell
 STRAY = 1e-3  # density, 1/mm, of a cell that says nothing
 ODDS = 0.3  # of an edge that is prolonged somewhere, and of one that is shortened, against neither
+STEPPED = 0.3  # of stretches that stand off by one height: that the edge itself steps, as no return tells
 JUMP = 3.0  # standard deviations of neighbours: half a column's step, as ends pass from column to column, is 2.4
 # Cells on each side, of which so many are taken for the face's own at first; how far so many lie low by chance
 NEAR, LOW, LOWER = 10, 0.25, 0.6745
@@ -49,6 +50,7 @@ class Readings(NamedTuple):
     shift_mm: Shaped[Float, " m"]
     u_mm: Shaped[Float, " m"]
     own: Shaped[Float, " c"]  # probability that a cell shows the face's own end
+    step_mm: Shaped[Float, " m"]  # by which the edge itself may step there
 
     def moved(self, course: Course) -> Course:
         """The course, whose own places these are, where they say that the face itself ends."""
@@ -62,6 +64,8 @@ class _Reading(NamedTuple):
     own: Shaped[Float, " c"]
     course: Course
     height_u: Shaped[Float, " c"]  # of a cell that stands off by one height with others: by what these lie about it
+    even: Shaped[Float, " c"]  # probability that it does
+    height: Shaped[Float, " c"]  # by which then, mm
     sense: float
 
 
@@ -72,7 +76,7 @@ def readings(
 
     is_all: `u` is all by which a face's own end scatters, as what columns leave open is; else it may scatter by more.
     """
-    nothing = Readings(np.zeros(at.size), np.zeros(at.size), np.ones(s.size))
+    nothing = Readings(np.zeros(at.size), np.zeros(at.size), np.ones(s.size), np.zeros(at.size))
     if s.size < LEAST_CELLS:
         return nothing
     plain = fit_course(s, value, u**2)
@@ -90,9 +94,11 @@ def readings(
     own_u = np.stack(
         [np.zeros(at.size), *(np.hypot(one.course.u(at), np.interp(at, s, one.height_u)) for one in found)]
     )
+    off = np.stack([np.zeros(at.size), *(np.interp(at, s, one.sense * one.even * one.height) for one in found)])
     shift = share @ apart
     own = share @ np.stack([np.ones(s.size), *(one.own for one in found)])
-    return Readings(shift, np.sqrt(share @ ((apart - shift) ** 2 + own_u**2)), own)
+    variance = share @ ((apart - shift) ** 2 + own_u**2 + STEPPED * off**2)
+    return Readings(shift, np.sqrt(variance), own, share @ off)
 
 
 def _off_the_face(s: Float, value: Float, u: Float, sigma: Float, sense: float, is_all: bool) -> list[_Reading]:
@@ -134,7 +140,9 @@ def _settled(s: Float, value: Float, u: Float, told: _Told, sense: float, is_all
         return None
     # What its freedom costs a course, by Schwarz's criterion with the cells' worth it takes.
     evidence = told.evidence - 0.5 * course.spent * math.log((known > LEAST_OWN).sum())
-    return _Reading(evidence, told.own, course, _height_u(s, value, u, told), sense)
+    return _Reading(
+        evidence, told.own, course, _height_u(s, value, u, told), told.even.clip(0.0, 1.0), told.height, sense
+    )
 
 
 def _height_u(s: Float, value: Float, u: Float, told: _Told) -> Float:

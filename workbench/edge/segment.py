@@ -55,6 +55,7 @@ from workbench.edge.unseen import (
 )
 from workbench.errors import InputError
 from workbench.geometry.curves import covered, turn_by_robot
+from workbench.geometry.silhouette import reached_mm
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Float
 
@@ -333,8 +334,10 @@ def _end_terms(
     left = frames.low + 0.5 * frames.step - end.course.value(np.nan_to_num(measured.upper_s))
     left[~own | (weights(shown, broken.doubt_mm) < LEAST_WEIGHT)] = np.nan
     waves = waves_u(measured.upper_s, left, cloud.pass_index, 0.5 * float(np.nanmedian(frames.step)))
+    low = np.where(own, frames.low, np.nan)
+    reached = reached_mm(measured.upper_s, low, frames.step, frames.sigma, end.course, s)
     unsettled = between(measured.upper_s, measured.unsettled_mm, s)
-    level_u = np.sqrt(np.interp(s, end.course.at_mm, measured.said.u_mm) ** 2 + waves**2 + unsettled**2)
+    level_u = np.sqrt(np.interp(s, end.course.at_mm, measured.said.u_mm) ** 2 + waves**2 + reached**2 + unsettled**2)
     steep = float(np.abs(np.nanmedian(face.sxz / face.sxx)))
     return EndTerms(level_u, by_break, hidden, lower, declared_u_mm, steep)
 

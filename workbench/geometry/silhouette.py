@@ -39,6 +39,8 @@ REACH_STEPS, REACH_SIGMAS = 1.5, 6.0  # half width of that grid
 # since whole ones may swing; at most.
 SETTLED_U, WHOLE_ROUNDS, PART_STEP, MOST_ROUNDS = 0.1, 3, 0.5, 12
 UNSEEN_STEPS, UNSEEN_MM = 0.05, 20.0  # of a column step, over which the end may wave unseen
+# Frames that show the face beyond its told end: by how many columns and sigmas, how many at least, over how much edge.
+FURTHER_STEPS, FURTHER_SIGMAS, FURTHER_SHARE, FURTHER_LEAST, FURTHER_MM = 1.0, 4.0, 0.1, 3, 20.0
 LEAST_TOGETHER = 4  # cells that count as known together, however loose the course
 NOTHING = 36.0  # logarithms below the greatest: a share below the digits of a number
 FAR_SIGMAS, NORMAL = 7.0, 4097  # where no noise is left to tell of; values in a table
@@ -172,6 +174,27 @@ def find_end(
     middle_u = np.sqrt((np.bincount(cell, ends.step) / count) ** 2 / 12.0 + sigma**2)
     course = _doubted(course, place, ends, cell)
     return EndCourse(course, place, middle, middle_u)
+
+
+def reached_mm(s: Float, low: Float, step: Float, sigma: Float, course: Course, at: Float) -> Float:
+    """By how much frames near `at` (m,) show returns on the face beyond its told end, mm; 0 where too few do.
+
+    Most frames may have lost the end of a face (an exposure that alternates): a face does not return where it is not.
+    s, low, step, sigma (N,): of the frames, as those of `Ends`, NaN where a frame does not show it.
+    """
+    on = np.flatnonzero(np.isfinite(s) & np.isfinite(low) & (step > 0.0))
+    if not on.size:
+        return np.zeros(at.size)
+    on = on[np.argsort(s[on], kind="stable")]
+    place = s[on]
+    over = low[on] - course.value(place)
+    beyond = over > np.maximum(FURTHER_STEPS * step[on], 0.5 * step[on] + FURTHER_SIGMAS * sigma[on])
+    first, last = (np.searchsorted(place, at + way * 0.5 * FURTHER_MM) for way in (-1.0, 1.0))
+    count = np.concatenate([[0], np.cumsum(beyond)])
+    out = np.zeros(at.size)
+    for k in np.flatnonzero(count[last] - count[first] > np.maximum(FURTHER_SHARE * (last - first), FURTHER_LEAST)):
+        out[k] = np.median(over[first[k] : last[k]][beyond[first[k] : last[k]]])
+    return out
 
 
 def _doubted(course: Course, place: Float, ends: Ends, cell: Int) -> Course:

@@ -14,7 +14,7 @@ help:
 	@echo "make test       run the tests"
 	@echo "make test-slow  run those that take longer or say what others say on further parts (long)"
 	@echo "make lint       style, types, import floors, repository"
-	@echo "make metrology  benchmark and score, then grooves and prepared plates (long; docs/benchmark.md, score.md, grooves.md)"
+	@echo "make metrology  score and benchmark, then grooves and prepared plates (long; docs/benchmark.md, score.md, grooves.md)"
 	@echo "make metrology-quick  the same over few parts, ten minutes; prints its tables"
 	@echo "make benchmark  every method over the open benchmark, one table, best first; docs/benchmark.md"
 	@echo "make benchmark-quick  the same over 14 recordings a track, five minutes; prints its table"
@@ -57,13 +57,13 @@ benchmark-quick: setup-dev
 	@$(BIN)/python -m bench.open --quick
 
 metrology: setup-dev
-	@$(BIN)/python -m bench.open --docs
 	@$(BIN)/python -m bench.score --parts 8 --docs
+	@$(BIN)/python -m bench.open --docs
 	@$(BIN)/python -m bench.joints --docs
 
 metrology-quick: setup-dev
-	@$(BIN)/python -m bench.open --quick
 	@$(BIN)/python -m bench.score --parts 3
+	@$(BIN)/python -m bench.open --quick
 
 bench: setup-dev
 	@$(BIN)/python -m bench.speed

@@ -18,12 +18,12 @@ from bench.score.outsider import Sharp, sharp
 from bench.score.triangulated import sensor, way, workpiece
 from bench.simulators.triangulated import STRAIGHT_MM
 from bench.simulators.triangulated import simulate as triangulated
-from workbench.artefacts import ROOT_FACE, Inspection, MilledEdge, PointSet, Recording
+from workbench.artefacts import ROOT_FACE, Cloud, Inspection, MilledEdge, PointSet, RawEdge, Recording
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_cloud, segment_preparation, segment_raw
 from workbench.inspect import preparation, sections
 from workbench.scan import fuse, read
-from workbench.units import DEG
+from workbench.units import DEG, Float
 
 RECORDING = "data/synthetic/milled_edge.h5"
 
@@ -75,15 +75,20 @@ def test_it_costs_no_more_than_the_inspection_says(change: str) -> None:
         assert np.median(moved) <= 1.1 * cost + slack
 
 
+def _heights(cloud: Cloud, edge: MilledEdge | RawEdge) -> Float:
+    """Of each return (N, C) over the edge beside it, along `across`, mm."""
+    station = np.abs(np.subtract.outer(edge.frame_arc_length_mm, edge.arc_length_mm)).argmin(axis=1)
+    x, z = (np.nan_to_num(of.astype(float)) for of in (cloud.x_mm, cloud.z_mm))
+    points = np.stack([x, np.zeros_like(x), z, np.ones_like(x)], axis=2) @ cloud.base_from_profiler[:, :3].mT
+    return np.einsum("fcd,fd->fc", points - edge.position_mm[station, None], edge.across[station])
+
+
 @pytest.mark.parametrize("to_mm", [50.0, 70.0])
 def test_an_end_that_jumps_is_told_and_may_be_the_edge_that_steps(to_mm: float) -> None:
     off_mm, from_mm = 0.3, 30.0
     edge, _ = as_it_is()
     cloud = denoise(fuse(recording()))
-    station = np.abs(np.subtract.outer(edge.frame_arc_length_mm, edge.arc_length_mm)).argmin(axis=1)
-    x, z = (np.nan_to_num(of.astype(float)) for of in (cloud.x_mm, cloud.z_mm))
-    points = np.stack([x, np.zeros_like(x), z, np.ones_like(x)], axis=2) @ cloud.base_from_profiler[:, :3].mT
-    height = np.einsum("fcd,fd->fc", points - edge.position_mm[station, None], edge.across[station])
+    height = _heights(cloud, edge)
     there = (edge.frame_arc_length_mm > from_mm) & (edge.frame_arc_length_mm < to_mm)
     lost = there[:, None] & (edge.labels == ROOT_FACE) & (height < off_mm)
     found, _ = measured(replace(recording(), z_mm=np.where(lost, np.nan, recording().z_mm)))
@@ -94,6 +99,23 @@ def test_an_end_that_jumps_is_told_and_may_be_the_edge_that_steps(to_mm: float) 
     away = np.abs(np.subtract.outer(found.arc_length_mm, [from_mm, to_mm])).min(axis=1) > 2.0
     for possible in (before, stepped):
         assert (np.abs(found.root.value - possible) < 3.0 * found.root.u)[away].all()
+
+
+@pytest.mark.parametrize("off_mm", [0.3, 0.8])
+def test_an_end_that_most_frames_of_a_raw_edge_lose_is_in_u(off_mm: float) -> None:
+    scan = read(recording="data/synthetic/raw_wavy.h5")
+    cloud = denoise(fuse(scan))
+    edge = segment_raw(cloud, upper_side=(0.0, 0.0, 1.0))
+    height = _heights(cloud, edge)
+    loses = np.random.default_rng(0).random(len(height)) < 0.75
+    lost = loses[:, None] & (edge.labels == ROOT_FACE) & (height < off_mm)
+    found = segment_raw(
+        denoise(fuse(replace(scan, z_mm=np.where(lost, np.nan, scan.z_mm)))), upper_side=(0.0, 0.0, 1.0)
+    )
+    places = (np.interp(found.arc_length_mm, edge.arc_length_mm, of) for of in edge.position_mm.T)
+    moved = ((found.position_mm - np.stack(list(places), axis=1)) * found.across).sum(axis=1)
+    assert np.nanmax(moved) > 0.5 * off_mm
+    assert np.nanmax(np.abs(moved) / found.position_u_mm[:, 1]) < 3.0
 
 
 def test_a_hand_eye_pose_whose_u_is_known_is_no_doubt() -> None:

@@ -30,7 +30,7 @@ from workbench.geometry.end_face import MARGIN_MM
 from workbench.geometry.grids import columns_to_next
 from workbench.geometry.processes import Process, Shared
 from workbench.geometry.sections import SectionLines, in_section, section_lines
-from workbench.geometry.silhouette import Ends, find_end, settled
+from workbench.geometry.silhouette import Ends, find_end, reached_mm, settled
 from workbench.geometry.splines import Spline, through
 from workbench.units import Bool, Float, Int, Shaped
 
@@ -62,6 +62,7 @@ class EndAlong:
     bend: Spline  # arc length -> mm
     s: Shaped[Float, " N"]  # arc length at which each frame shows it; NaN where it does not
     broken: BrokenEnd  # of the N frames
+    reached_mm: Shaped[Float, " N"]  # by how much frames near each show the face beyond it
 
     def value(self, at: Float) -> Float:
         """Distance (k,) at arc lengths `at` (k,), mm."""
@@ -449,11 +450,11 @@ def _found_end(
     orders: tuple[int, int],
     shared: Shared,
     whole: bool = True,
-) -> Course:
-    """The end of the face along the edge, counted outwards."""
+) -> tuple[Course, Float]:
+    """The end of the face along the edge, counted outwards; by how much frames near each (N,) reach beyond it."""
     course = fit_course(side.s, side.middle, side.variance, pass_index, orders, shared=shared)
     if not whole or not (side.silhouette & np.isfinite(side.low)).any():
-        return course
+        return course, np.zeros(side.s.size)
     column = np.where(side.silhouette, side.ends.column, 0).astype(np.int64)
     freed = settled(side.s, side.low, side.step, side.sigma, column, pass_index)
     on = np.flatnonzero(course.kept & np.isfinite(freed.low) & np.isfinite(freed.sigma))
@@ -467,7 +468,10 @@ def _found_end(
         freed.weight[on],
         freed.doubt[on],
     )
-    return find_end(known, course, shared, orders).course
+    end = find_end(known, course, shared, orders)
+    low = np.where(side.silhouette, side.low, np.nan)
+    reached = reached_mm(side.s, low, side.step, side.sigma, end.course, end.s)
+    return end.course, np.interp(np.nan_to_num(side.s), end.s, reached)
 
 
 def _end_along(
@@ -491,8 +495,8 @@ def _end_along(
             low=side.low + broken.beyond_mm,
             sigma=side.sigma / np.sqrt(np.maximum(weights(side.s, broken.doubt_mm), 1e-6)),
         )
-    course = _found_end(side, cloud.pass_index, (2, 3), shared, whole)
-    return EndAlong(_scaled(course, side.outward), bend, side.s, broken)
+    course, reached = _found_end(side, cloud.pass_index, (2, 3), shared, whole)
+    return EndAlong(_scaled(course, side.outward), bend, side.s, broken, reached)
 
 
 def _broken(cloud: Cloud, found: RawFaces, side: _Side, condition: EdgeCondition) -> BrokenEnd:

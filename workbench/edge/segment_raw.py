@@ -227,7 +227,9 @@ def _edge(
         ROUNDING: by_break,
         HIDDEN: root_sum_square(at, (*hidden, burred_u_mm(cloud, found))),
         DECLARED: np.full(at.size, declared.end_u_mm),
-        STEPS: np.full(at.size, math.hypot(apart[1], measured.lower.course.step_u)),
+        STEPS: np.hypot(
+            between(lower_s, measured.lower.reached_mm, at), math.hypot(apart[1], measured.lower.course.step_u)
+        ),
         CLOCK: between(measured.s_face, late_mm[1], at),
     }
     out = Quantity.of("along_normal_mm", np.einsum("kd,kd->k", position, n), along_n)

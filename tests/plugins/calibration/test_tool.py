@@ -170,7 +170,8 @@ def test_unusable_rows_are_named(tmp_path: Path, row: str, words: str) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda text: "", "expected a header with the columns reference, x_mm"),
+        (lambda text: "", "is empty: was it exported"),
+        (lambda text: "# to be measured", "expected a header with the columns reference, x_mm"),
         (lambda text: text.replace("qz", "q"), "header: expected the column 'qz'"),
         (lambda text: text.replace(",", ";"), "header: expected the column 'reference': are cells parted by commas"),
         (lambda text: text.replace("qz", "qy"), "header: expected the column 'qz'"),

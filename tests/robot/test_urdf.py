@@ -205,6 +205,24 @@ def test_a_continuous_joint_turns_twice_either_way(tmp_path: Path) -> None:
         read_cell(cell_with(tmp_path, "kr210", text[:begin] + re.sub(r"<limit [^>]*>", "", without, count=1)))
 
 
+def test_a_continuous_joint_is_held_anywhere(tmp_path: Path) -> None:
+    """A motor beside the flange, and what turns a hundred times as far behind its gear."""
+    text = urdf_of("kr210")
+    last = re.findall(r'<link name="([^"]+)"', text)[-1]
+    box = '<collision><geometry><box size="0.01 0.02 0.03"/></geometry></collision>'
+    for name, gear in (("motor", ""), ("spindle", '<mimic joint="motor_turns" multiplier="100"/>')):
+        joint = f'<parent link="{last}"/><child link="{name}"/><axis xyz="0 0 1"/>{gear}'
+        text = text.replace(
+            "</robot>",
+            f'<link name="{name}">{box}</link><joint name="{name}_turns" type="continuous">{joint}</joint></robot>',
+        )
+    placed = [read_cell(cell_with(tmp_path, "kr210", text, held={"motor_turns": at})).shapes for at in (0, 10, 3610)]
+    for (*_, still, other), (*_, motor, spindle) in zip(placed[:1] * 2, placed[1:], strict=True):
+        for one, turned, deg in ((still, motor, 10), (other, spindle, 80)):  # of 1000 deg and 361,000
+            cosine = (np.trace(one.pose[:3, :3].T @ turned.pose[:3, :3]) - 1) / 2
+            assert np.degrees(np.arccos(cosine)) == pytest.approx(deg)
+
+
 def test_one_velocity_in_degrees_a_second_is_refused(tmp_path: Path) -> None:
     text = urdf_of("irb6700_150_320")
     one = re.sub(r'velocity="([.0-9]+)"', lambda m: f'velocity="{float(m[1]) * 57.3}"', text, count=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import subprocess
@@ -162,7 +163,7 @@ def _link(joint: ElementTree.Element, which: str) -> str:
 
 
 def _mimicking(document: ElementTree.Element, held: Mapping[str, float], path: Path) -> dict[str, float]:
-    """Joints that stand, with those that mimic one of them: deg, or mm of prismatic ones."""
+    """Joints that stand, with those that mimic one of them: deg (+-180 of continuous ones), or mm."""
     stand, kinds = dict(held), {joint.get("name", ""): joint.get("type") for joint in document.iterfind("joint")}
     mimics = {
         joint.get("name", ""): mimic
@@ -180,7 +181,7 @@ def _mimicking(document: ElementTree.Element, held: Mapping[str, float], path: P
             )
             unit, master_unit = (MM if kinds[one] == "prismatic" else 1 / DEG for one in (name, master))
             stand[name] = (times * stand[master] / master_unit + plus) * unit
-    return stand
+    return {name: math.remainder(at, 360.0) if kinds.get(name) == "continuous" else at for name, at in stand.items()}
 
 
 def _check_kinds(document: ElementTree.Element, held: Mapping[str, float], flange_frame: str, path: Path) -> None:

@@ -96,6 +96,14 @@ def test_too_little_is_refused(tmp_path: Path, rows: list[str], words: str) -> N
         calibrated(scanned(np.random.default_rng(5), on_table()), **given)
 
 
+def test_a_hand_eye_pose_that_serves_no_sphere_is_refused(tmp_path: Path) -> None:
+    given = files(tmp_path)
+    with pytest.raises(InputError, match=r"handeye.json: expected scanned spheres.* give a recording"):
+        turntable_stage(**given)
+    with pytest.raises(InputError, match=r"handeye.json: expected scanned spheres.* give references"):
+        tcp_stage(touches=touch_file(tmp_path, touch_rows(np.random.default_rng(3))), hand_eye=given["hand_eye"])
+
+
 def test_a_tool_that_touches_scanned_references(tmp_path: Path) -> None:
     """The flange turns about one axis only: nothing but the references' places tells the tool along it."""
     chi, known = [], np.array([0.0, 0.0, 1.0])

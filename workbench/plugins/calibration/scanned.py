@@ -15,6 +15,7 @@ from workbench.plugins.calibration.values import SphereProfiles
 from workbench.plugins.calibration.verdicts import rescaled, sensor_of
 
 LEAST_POSTURES = 3  # of a sphere: one circle does not tell its side of the laser plane, and a third one checks two
+UNUSED = "expected scanned spheres, which hand_eye is for, found typed places: give {}, or leave hand_eye out"
 UNSAID = "nobody says how well the hand-eye pose is known"
 BELIEVED = "the hand-eye pose is believed: give a handeye.json with its covariance, for what it is off is in the result"
 

@@ -29,7 +29,7 @@ from workbench.api import (
     pieces,
     stage,
 )
-from workbench.plugins.calibration.scanned import LEAST_POSTURES, UNSAID, Scanner
+from workbench.plugins.calibration.scanned import LEAST_POSTURES, UNSAID, UNUSED, Scanner
 from workbench.plugins.calibration.tables import (
     POSE,
     check_misfit,
@@ -128,6 +128,8 @@ def tcp(
     """
     every = read_touches(touches, reference_u_mm)
     believed: tuple[str, ...] = ()
+    if references is None and hand_eye is not None:
+        raise InputError(str(hand_eye), UNUSED.format("references, a table of the passes that show them"))
     if references is not None:
         if profiles is None or recording is None:
             raise InputError(str(references), "expected a recording that shows them (scan.read, calibrate.circles)")

@@ -31,7 +31,7 @@ from workbench.api import (
     rotation_from_vector,
     stage,
 )
-from workbench.plugins.calibration.scanned import UNSAID, Places, Scanner
+from workbench.plugins.calibration.scanned import UNSAID, UNUSED, Places, Scanner
 from workbench.plugins.calibration.tables import (
     beside,
     check_misfit,
@@ -181,6 +181,8 @@ def turntable(
     scanner = None
     if profiles is not None and recording is not None:
         scanner = Scanner(profiles, recording, hand_eye, (pose_noise_mm, pose_noise_deg))
+    elif hand_eye is not None:
+        raise InputError(str(hand_eye), UNUSED.format("a recording that shows them (scan.read, calibrate.circles)"))
     every = read_marks(marks, noise_mm, scanner)
     believed = () if scanner is None else scanner.warnings
     labels = estimator.Labels(str(marks), every.lines, ask=ASKED)

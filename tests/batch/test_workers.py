@@ -78,9 +78,14 @@ def test_a_batch_whose_scheduler_was_killed_is_told_in_one_line_and_carried_on()
 
 
 def test_no_scheduler_is_one_line(pipeline: Path, record: Write, tmp_path: Path, monkeypatch: Any) -> None:
+    """Nor does it make a folder, or take an earlier batch's page away."""
     monkeypatch.setattr("workbench.batch.workers.CONNECT_S", 0.5)
-    with pytest.raises(InputError, match=r"tcp://127\.0\.0\.1:1: no scheduler answers there"):
-        run_batch(pipeline, [record("a")], str(tmp_path / "out"), scheduler="tcp://127.0.0.1:1")
+    run_batch(pipeline, [record("a")], str(tmp_path / "done"), workers=0)
+    for name in ("out", "done"):
+        with pytest.raises(InputError, match=r"tcp://127\.0\.0\.1:1: no scheduler answers there"):
+            run_batch(pipeline, [record("a")], str(tmp_path / name), scheduler="tcp://127.0.0.1:1")
+    assert not (tmp_path / "out").exists()
+    assert (tmp_path / "done/fleet.html").exists()
 
 
 def test_a_missing_extra_is_one_line(pipeline: Path, record: Write, tmp_path: Path, monkeypatch: Any) -> None:

@@ -182,11 +182,12 @@ def run_batch(
     check(document, alike.get("inputs") or {}, alike.get("settings") or {})
     found = parts(recordings)
     jobs = [_job(part, document, out, alike) for part in found]
-    with _reserved(out):
-        with executor(workers, scheduler, time_limit_s, len(jobs)) as execute:
+    with ExitStack() as connected:  # a scheduler that does not answer leaves `out` as it is
+        execute = connected.enter_context(executor(workers, scheduler, time_limit_s, len(jobs)))
+        with _reserved(out), connected.pop_all():  # ended before the folder is free again
             done = {one.part: one for one in Progress(len(jobs), progress).watched(execute(jobs))}
-        records = tuple(done[part.name] for part in found)
-        return Batch(records, out, write_fleet(records, document.title, out))
+            records = tuple(done[part.name] for part in found)
+            return Batch(records, out, write_fleet(records, document.title, out))
 
 
 def check(document: PipelineDocument, inputs: Mapping[str, Any], settings: Mapping[str, Any]) -> None:

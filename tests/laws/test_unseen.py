@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
 from bench.drawn.seeds import generator, nominal
@@ -116,6 +117,23 @@ def test_an_end_that_most_frames_of_a_raw_edge_lose_is_in_u(off_mm: float) -> No
     moved = ((found.position_mm - np.stack(list(places), axis=1)) * found.across).sum(axis=1)
     assert np.nanmax(moved) > 0.5 * off_mm
     assert np.nanmax(np.abs(moved) / found.position_u_mm[:, 1]) < 3.0
+
+
+def test_how_far_a_rough_face_is_lost_is_in_the_u_of_its_direction() -> None:
+    scan = read(recording="data/synthetic/raw_edge.h5")
+    whole = segment_raw(denoise(fuse(scan)), upper_side=(0.0, 0.0, 1.0))
+    rng = np.random.default_rng(7)
+    rough = gaussian_filter(rng.normal(size=scan.z_mm.shape), 3.0)
+    rough = (scan.z_mm + np.where(whole.labels == ROOT_FACE, 0.1 / rough.std() * rough, 0.0)).astype(np.float32)
+    cloud = denoise(fuse(replace(scan, z_mm=rough)))
+    edge = segment_raw(cloud, upper_side=(0.0, 0.0, 1.0))
+    loses = rng.random(len(rough)) < 0.75
+    lost = loses[:, None] & (edge.labels == ROOT_FACE) & (_heights(cloud, edge) < 0.8)
+    found = segment_raw(denoise(fuse(replace(scan, z_mm=np.where(lost, np.nan, rough)))), upper_side=(0.0, 0.0, 1.0))
+    normal = np.stack([np.interp(found.arc_length_mm, edge.arc_length_mm, of) for of in edge.normal.T], axis=1)
+    turned = ((found.normal - normal) * found.across).sum(axis=1)
+    assert np.nanmax(np.abs(turned)) > 0.1 * DEG
+    assert np.nanmax(np.abs(turned) / found.normal_u) < 1.5
 
 
 def test_a_hand_eye_pose_whose_u_is_known_is_no_doubt() -> None:

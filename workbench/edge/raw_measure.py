@@ -255,7 +255,7 @@ def _state(
     ]
     lower, upper = (_end_along(cloud, found, side, bend, shared, whole, condition) for side in both)
     if rough:
-        tilt = _reaching(tilt, found, sigma, turn_mm)
+        tilt = _reaching(tilt, found, sigma, turn_mm, lower, upper)
     lean = _lean(cloud, found, curve, s, tilt, sigma)
     lever = abs(float(np.nanmedian((face.place * m).sum(axis=1))))
     pitch = float(np.ptp(face.s[np.isfinite(face.s)])) / max(int(np.isfinite(face.s).sum()), 1)
@@ -290,8 +290,8 @@ def _whole(found: RawFaces) -> Bool:
         return np.asarray(width > np.nanmedian(width) - MARGIN_MM)
 
 
-def _reaching(tilt: Course, found: RawFaces, sigma: float, turned: float) -> Course:
-    """The direction of a rough face, uncertain by how far the face reaches: to a column.
+def _reaching(tilt: Course, found: RawFaces, sigma: float, turned: float, lower: EndAlong, upper: EndAlong) -> Course:
+    """The direction of a rough face, uncertain by how far the face reaches: to a column, and as single frames show.
 
     A strip of width e at both ends turns it by `turned` (rad, 1 mm) sqrt(e), a strip at one end that lies r off the
     line by 6 e r / w^2.
@@ -300,7 +300,10 @@ def _reaching(tilt: Course, found: RawFaces, sigma: float, turned: float) -> Cou
     on = face.count > 0
     lean = np.hypot(1.0, face.sxz[on] / face.sxx[on])
     width = float(np.median(np.sqrt(12.0 * face.sxx[on] / face.count[on]) * lean))
-    strip = float(np.median(width / face.count[on]))
+    strip = np.full(tilt.at_mm.size, float(np.median(width / face.count[on])))
+    for end in (lower, upper):
+        strip = np.hypot(strip, between(end.s, end.reached_mm, tilt.at_mm))
+    strip = np.minimum(strip, width)
     turn = 6.0 * strip * _roughness(found, sigma) / width**2
     return replace(tilt, variance=tilt.variance + turn**2 + turned**2 * strip)
 

@@ -359,6 +359,13 @@ def test_what_a_maker_has_no_words_for_is_refused(tmp_path: Path, controller: st
         files_of(controller, moves, cell)
 
 
+def test_words_of_other_languages_are_names_to_rapid(tmp_path: Path) -> None:
+    cell = other_cell("abb", tmp_path, before=["Brake", "Sync"], coolant_signal="Pulse")
+    moves = postured(cell, MAKERS["abb"], Shape(length_mm=30))
+    dialect, files = files_of("abb", moves, cell)
+    assert judged(cell, dialect.read(files), moves).passed
+
+
 @pytest.mark.parametrize(
     ("controller", "name"), [("abb", "jSafe"), ("kuka", "XHOME"), ("fanuc", "PR[3]"), ("yaskawa", "P010")]
 )

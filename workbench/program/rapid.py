@@ -246,7 +246,8 @@ class Rapid(CellDialect):
     def __post_init__(self) -> None:
         """Refuse names of the process that mean something in RAPID."""
         home = IDENTIFIER.pattern, "the name of a jointtarget"
-        check_words(self.cell, "ABB", signals="names", units=True, home=home, taken=GENERATED)
+        words = TAKEN | PREDEFINED
+        check_words(self.cell, "ABB", signals="names", units=True, home=home, words=words, taken=GENERATED)
 
     def fields(self, kind: EventKind, value: str) -> dict[str, Any]:
         """A longest wait stops the program; feed limits are two numbers."""

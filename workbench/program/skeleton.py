@@ -365,6 +365,7 @@ def check_words(
     signals: str,
     units: bool = False,
     home: tuple[str, str] = (".*", ""),
+    words: frozenset[str] = RESERVED,
     taken: re.Pattern[str] = NUMBERED,
 ) -> None:
     """Refuse what a maker's programs cannot name.
@@ -375,6 +376,7 @@ def check_words(
         signals: 'names', 'numbers', or 'both'.
         units: whether programs activate mechanical units.
         home: pattern of its name on the controller, and in words what is expected.
+        words: that mean something to the controller.
         taken: names that the program itself may declare.
     """
     process = cell.process
@@ -391,7 +393,7 @@ def check_words(
         raise InputError(f"{where}.{key}", f"expected one of a signal's {signals} for {what}, found {signal!r}")
     known = process.home.controller_name
     for name in (known, process.mechanical_unit, *process.before, *process.after, *named.values()):
-        if isinstance(name, str) and (name.lower() in RESERVED or taken.fullmatch(name)):
+        if isinstance(name, str) and (name.lower() in words or taken.fullmatch(name)):
             raise InputError(where, f"expected a name that has no meaning to {what} yet, found {name!r}")
     if known is not None and not re.fullmatch(home[0], known):
         raise InputError(f"{where}.home.controller_name", f"expected {home[1]} for {what}, found {known!r}")

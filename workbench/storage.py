@@ -138,8 +138,9 @@ def regular_file(path: Path) -> os.stat_result:
         status = os.stat(path)
     except FileNotFoundError:
         readable = path.parent.is_dir() and os.access(path.parent, os.R_OK)
-        siblings = [one for one in os.listdir(path.parent) if Path(one).suffix == path.suffix] if readable else ()
-        raise InputError(str(path), f"no such file{nearest(path.name, siblings)}") from None
+        siblings = [Path(one) for one in os.listdir(path.parent)] if readable else []
+        alike = [one.name for one in siblings if path.stem == one.stem or path.suffix == one.suffix != ""]
+        raise InputError(str(path), f"no such file{nearest(path.name, alike)}") from None
     except (OSError, ValueError) as error:
         raise InputError(str(path), f"cannot be opened: {getattr(error, 'strerror', None) or error}") from None
     if not stat.S_ISREG(status.st_mode):

@@ -62,6 +62,7 @@ def test_known_headers_need_no_mapping(tmp_path: Path, milled: Recording, capsys
 
 REFUSED = {
     "no such file": (["nothing.csv"], "nothing.csv: no such file"),
+    "a name without its ending": (["b"], "b: no such file; known: b.csv"),
     "a directory": (["."], ".: expected a file"),
     "not a recording's name": (["a.csv", "--out", "b.txt"], "b.txt: expected the name of a recording"),
     "no such mapping": (["a.csv", "--mapping", "nothing.json"], "nothing.json: no such file"),

@@ -20,6 +20,7 @@ from workbench.checks.window import hidden_columns_u
 from workbench.edge.end_templates import (
     ALONE,
     FILLS,
+    FOOTPRINTS,
     ONWARD,
     PRIORS,
     QUARTER,
@@ -52,6 +53,9 @@ STEP_MM = 0.15  # between columns of one surface
 STILL = 3.0  # columns: where the end moves by less over the pass, its place within one is not all places in turn
 DEPTH_U_MM, LEAST_MEANS, PATTERN_PLACES = 0.0005, 8, 9
 UNLIKELY = 1e-3  # share of templates that are not cut finer
+# What footprints cut off a corner: share of it by which it may be off; the same in columns times the fold; corners that
+# are worn; and columns beside a corner.
+CUT_SPREAD, CUT_U, WORN, AROUND = 0.7, 0.015, 0.03, 8.0
 PROOF = 4.5  # log-likelihood over a sharp end from which a break is told by name
 ALIKE_MM, CELL_MM = 0.003, 4.0  # views of passes that differ by less count alike; of edge, in which they share places
 MISFIT, ODD_MM = 5.0, 0.002  # standard deviations of a depth; by which the last columns' are off anyway
@@ -68,13 +72,14 @@ class FaceRim:
     sense: Shaped[Float, " N"]  # +1: z counts away from the sensor
     on_line: bool  # where that return's ray meets the line, the end is told; False: at the return
     left_out_mm: float = 0.0  # of the face before that end, along x, that its line does not rest on
+    beside: FaceLines | None = None  # the face that it meets in a corner
 
 
 def root_rim(tracked: TrackedFaces, left_out_mm: float = 0.0) -> FaceRim:
     """The lower end of a milled edge's root face; left_out_mm: of it, along x, where its line was fitted elsewhere."""
     root, bevel = tracked.faces[ROOT_FACE], tracked.faces[BEVEL_FACE]
     sense = np.sign(tracked.side * (root.sxz / root.sxx - bevel.sxz / bevel.sxx))  # they meet in a convex corner
-    return FaceRim(root, tracked.side, tracked.root_end[:, 0], tracked.root_end[:, 2], sense, True, left_out_mm)
+    return FaceRim(root, tracked.side, tracked.root_end[:, 0], tracked.root_end[:, 2], sense, True, left_out_mm, bevel)
 
 
 def is_free_end(tracked: TrackedFaces) -> Bool:
@@ -194,7 +199,8 @@ def broken_end(
     """
     beyond, u = np.zeros((2, here.size))
     numbers = np.unique(cloud.pass_index[here])
-    views = [_view(cloud, rim, here & (cloud.pass_index == p)) for p in numbers]
+    footprints = _footprints(cloud, rim, here)
+    views = [_view(cloud, rim, here & (cloud.pass_index == p), footprints) for p in numbers]
     prior = PRIORS[condition]
     templates = end_templates(prior)
     seen, likelihood, share = _posterior(views, templates, corner)
@@ -291,7 +297,45 @@ def together_along(s: Float, doubt_mm: Float, at: Float, *values: Float | Bool) 
     return tuple(np.interp(at, at[known], of / total[known]) for of in sums)
 
 
-def _view(cloud: Cloud, rim: FaceRim, here: Bool) -> EndView:
+def _footprints(cloud: Cloud, rim: FaceRim, here: Bool) -> Float:
+    """Shares of FOOTPRINTS (f,), by what is cut off the corner of both faces in the columns that see it.
+
+    Over a footprint of 2 h columns, a fold k of the depth is on average k (h^3 - (h - 1/2)^3) / (6 h) off its lines in
+    columns within half of one. Another brightness or another part of the sheet beyond it changes that by as much.
+    """
+    half = 0.5 * FOOTPRINTS
+    wide = np.maximum(half, 0.5)
+    cut = np.where(half > 0.5, (wide**3 - (wide - 0.5) ** 3) / (6.0 * wide), half**2 / 6.0)
+    log = np.zeros(half.size)
+    if rim.beside is None:
+        return np.full(half.size, 1.0 / half.size)
+    for one in np.unique(cloud.pass_index[here]):
+        blunt, u = _bluntness(cloud, rim, rim.beside, here & (cloud.pass_index == one))
+        spread = np.hypot(u, CUT_SPREAD * cut)
+        log += np.log((1.0 - WORN) * np.exp(-0.5 * ((blunt - cut) / spread) ** 2) / spread + WORN)
+    share = np.exp(log - log.max())
+    return np.asarray(share / share.sum())
+
+
+def _bluntness(cloud: Cloud, rim: FaceRim, beside: FaceLines, here: Bool) -> tuple[float, float]:
+    """What is cut off the corner of two faces in the columns that see it, in columns times the fold; and its u."""
+    face, frames = rim.face, np.flatnonzero(here & (np.minimum(rim.face.count, beside.count) > LEAST_GROUPS))
+    x = cloud.x_mm[frames].astype(np.float64)
+    fold = (beside.slope - face.slope)[frames]
+    corner = (face.z_mean - beside.z_mean + beside.slope * beside.x_mean - face.slope * face.x_mean)[frames] / fold
+    lines = [of.z_mean[frames, None] + of.slope[frames, None] * (x - of.x_mean[frames, None]) for of in (face, beside)]
+    pitch = column_pitch_mm(cloud.x_mm[frames])
+    way = (x - corner[:, None]) * rim.side[frames, None] / pitch
+    off = (np.where(way > 0.0, *lines) - cloud.z_mm[frames]) / (rim.side[frames] * fold * pitch)[:, None]
+    shown = cloud.keep[frames] & np.isfinite(off)
+    at, around = off[shown & (np.abs(way) < 0.5)], off[shown & (np.abs(np.abs(way) - 0.75 * AROUND) < 0.25 * AROUND)]
+    if min(at.size, around.size) < LEAST_FRAMES:
+        return 0.0, 1.0
+    at, around = (np.clip(of, *np.quantile(of, [0.05, 0.95])) for of in (at, around))
+    return float(at.mean() - around.mean()), math.hypot(float(at.std()) / math.sqrt(at.size), CUT_U)
+
+
+def _view(cloud: Cloud, rim: FaceRim, here: Bool, footprints: Float) -> EndView:
     face = rim.face
     frames = np.flatnonzero(here & (face.count > LEAST_GROUPS) & (face.sxx > 0.0))
     if frames.size > SAMPLE_FRAMES:
@@ -301,7 +345,8 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool) -> EndView:
         step = float(np.median(rim.step_mm[frames])) if frames.size else 0.05
         slope = float(np.median(_recession(rim, frames))) if frames.size else 1.0
         edges = np.arange(LEAST_GROUPS + 1.0) * step
-        return EndView(_nothing_known(LEAST_GROUPS), edges, math.atan(slope), step, end_phases(True), 0.0, 0.0)
+        unknown = _nothing_known(LEAST_GROUPS)
+        return EndView(unknown, edges, math.atan(slope), step, end_phases(True), 0.0, 0.0, footprints)
     step = float(np.median(rim.step_mm[frames]))
     slopes = face.sxz[frames] / face.sxx[frames]
     slope = float(np.median(_recession(rim, frames)))
@@ -332,7 +377,7 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool) -> EndView:
         further -= float(np.nanmean(last[alike, 1])) * slope / step
     moving = moved > STILL
     fills = _fills(cloud, rim, frames, moving)
-    return EndView(known, edges * step, math.atan(slope), step, end_phases(moving), further, usual, fills)
+    return EndView(known, edges * step, math.atan(slope), step, end_phases(moving), further, usual, footprints, fills)
 
 
 def _fills(cloud: Cloud, rim: FaceRim, frames: Int, moving: bool) -> Float:

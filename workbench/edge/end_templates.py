@@ -40,7 +40,7 @@ STEP = math.radians(6.0)
 INCIDENCES = np.arange(math.radians(44.0), math.radians(89.0), STEP)
 INCIDENCE_PRIOR = np.where(np.radians(60.0) > INCIDENCES, 0.1 / 3.0, 0.9 / 5.0)
 QUARTER = 0.15  # of a depth: a rounding need be no quarter circle, a chamfer not flat
-FOOTPRINTS = np.array([0.5, 0.75, 1.0, 1.25, 1.5])  # columns that a pixel sees, all alike likely; or a point
+FOOTPRINTS = np.array([0.0, 0.5, 0.75, 1.0, 1.5, 2.0, 2.6])  # columns that a pixel sees
 # Fills from which on a pixel returns a face, all alike likely. A sensor that needs much more than half of a pixel's
 # light mostly loses columns all over a face, by speckle; but what lies behind the end may take any pixel that sees it.
 FILLS = np.arange(0.1, 1.0, 0.2)
@@ -50,7 +50,9 @@ ONWARD = np.array([0.0, 0.5, 1.0, 2.0, 4.0])
 WITHIN = np.array([-0.8, -0.4, 0.0, 0.4, 0.8])  # places within a pixel
 PLACE_MM, TURN_MM, BOW_MM = 0.3, 0.3, 0.05  # by which the line and a bow may lie off the face without a break
 ROUNDING = 1e-9  # mm; pixels and places within a column meet in their ends: no digit may tell on which side
-ABOVE, FREE_MM = 3.0, 1.0  # standard deviations of a depth; mm, by which one tells nothing
+# Where only a side of a thick sheet of light meets the end, pixels there are off, by columns from a pixel's middle to
+# the middle of what it sees: the standard deviation, and the share of the sensors in which they are.
+HOOK_MM, HOOKED = 0.02, 0.12
 
 
 class EndTemplates(NamedTuple):
@@ -122,15 +124,21 @@ class EndView(NamedTuple):
     phases: Shaped[Float, "p q"]  # places of the end within its column; p alike likely, each the mean over q
     further: float  # columns beyond the line's end in which returns go on, on average
     usually_further: float  # the same in the lower quartile of the frames
+    footprints: Shaped[Float, " f"] = np.full(FOOTPRINTS.size, 1.0 / FOOTPRINTS.size)  # shares of FOOTPRINTS
     # from which on a pixel that the face fills in part returns it, and their shares
     fills: Shaped[Float, "m 2"] = np.stack([FILLS, ALONE], axis=1)[ALONE > 0.0]
 
     @property
+    def nearer(self) -> float:
+        """What a return lies nearer to the sensor than the face, by how far before its pixel's middle it was seen."""
+        return math.sin(self.inclination) * math.cos(self.inclination)
+
+    @property
     def pixels(self) -> tuple[Shaped[Float, "k 2"], Shaped[Float, " k"]]:
         """Columns by which a pixel's middle may lie beyond the end, and half of what it sees; and their shares."""
-        wide, fill = (a.ravel() for a in np.meshgrid(FOOTPRINTS, self.fills[:, 0], indexing="ij"))
+        wide, fill = (a.ravel() for a in np.meshgrid(FOOTPRINTS[1:], self.fills[:, 0], indexing="ij"))
         seen = np.stack([wide * (0.5 - fill), 0.5 * wide], axis=1)
-        prior = np.append(1.0, np.tile(self.fills[:, 1], FOOTPRINTS.size)) / (1.0 + FOOTPRINTS.size)
+        prior = np.append(self.footprints[0], np.outer(self.footprints[1:], self.fills[:, 1]))
         return np.concatenate([np.zeros((1, 2)), seen]), prior
 
 
@@ -202,13 +210,15 @@ def _looked(view: EndView, looks: list[Float], log_prior: Float, past: Float) ->
     shape = looks[0].size, past.size, len(view.phases)
     of, pixel, phase = (np.ravel(one) for one in np.indices(shape))
     size, turn, incidence, onward = (one[of] for one in looks)
-    fall, raised = rendered_end(view, size, turn, incidence, pixel, phase, onward)
-    seen, score = fall - raised, np.empty(of.size)
-    covariance = view.known.noise + view.known.free
-    # Above what any end shows lies the last pixel where a sheet of light is cut askew: of a break it tells nothing.
-    if seen[:, 0].min() - view.known.mean[0] > ABOVE * math.sqrt(view.known.noise[0, 0]):
-        covariance[0, 0] += FREE_MM**2
-    _log_likelihoods(view.known.mean, covariance, seen, QUARTER * fall, score)
+    fall, aside = rendered_end(view, size, turn, incidence, pixel, phase, onward)
+    seen = fall - aside * view.nearer
+    covariance, own = view.known.noise + view.known.free, QUARTER * fall
+    score, hooked, amount = np.empty((3, of.size))
+    hook = HOOK_MM / view.step_mm * aside
+    _log_likelihoods(view.known.mean, covariance, seen, own, 0.0 * hook, score, amount)
+    _log_likelihoods(view.known.mean, covariance, seen, np.hypot(own, QUARTER * hook), hook, hooked, amount)
+    score = np.logaddexp(math.log(1.0 - HOOKED) + score, math.log(HOOKED) + hooked)
+    seen += (HOOKED * np.exp(hooked - score) * amount)[:, None] * hook
     log = score.reshape(shape) + log_prior[:, None]
     most = log.max(axis=(1, 2), keepdims=True)
     weight = np.exp(log - most)
@@ -233,7 +243,7 @@ def _shown_mm(view: EndView, size: Float, turn: Float, incidence: Float) -> Floa
 def rendered_end(
     view: EndView, size: Float, turn: Float, incidence: Float, pixel: Int, phase: Int, onward: Float
 ) -> tuple[Float, Float]:
-    """Depths (n, g) of n templates by groups of columns, and how far part-filled pixels return above them (n, g); mm.
+    """Depths (n, g) of n templates by groups of columns, and from pixels to the middle of what they see (n, g); mm.
 
     A quarter circle of radius R leaves the line and is seen up to where its normal stands at the greatest incidence to
     the ray (eq. (12)); a chamfer to its end (eq. (12a)), or not at all. A pixel returns the mean depth of what it sees:
@@ -252,8 +262,7 @@ def rendered_end(
     _depths(known, phase, pixel, place, pixels * column, lean, depth)
     before = place - column * pixels[:, 0, None, None, None]
     half = column * pixels[:, 1, None, None, None]
-    raised = (0.5 * np.maximum(half - before, 0.0)).mean(axis=3)[pixel, phase] * (math.sin(lean) * math.cos(lean))
-    return depth, raised
+    return depth, (0.5 * np.maximum(half - before, 0.0)).mean(axis=3)[pixel, phase]
 
 
 @kernel
@@ -293,21 +302,26 @@ def _depths(known: Float, phase: Int, pixel: Int, place: Float, pixels: Float, l
 
 
 @kernel
-def _log_likelihoods(mean: Float, covariance: Float, expected: Float, u: Float, out: Float) -> None:
+def _log_likelihoods(
+    mean: Float, covariance: Float, expected: Float, u: Float, loose: Float, out: Float, amount: Float
+) -> None:
     """Fill in those (s,) of means (g,) with a covariance (g, g), by what is expected (s, g), each with its own u.
+
+    What is loose (s, g) may be added to what is expected, by a normal amount: fill in its mean, given the data.
 
     Shapes reach from the last returns inwards: behind them nothing is expected, without u. The Cholesky rows of what
     lies there stand first, and are kept from shape to shape: 1 / the diagonal, on it.
     """
     size = len(mean)
-    lower, white = np.zeros((size, size)), np.empty(size)
+    lower, white, free = np.zeros((size, size)), np.empty(size), np.zeros(size)
     squares, root = np.zeros(size + 1), np.ones(size + 1)  # sums of rows; products of what is on the diagonal
     same = 0  # rows behind the last shape
     for n in range(len(expected)):
         behind = size
         for i in range(size):
-            if u[n, i] != 0.0 or expected[n, i] != 0.0:
+            if u[n, i] != 0.0 or expected[n, i] != 0.0 or loose[n, i] != 0.0:
                 behind = size - 1 - i
+        own, both = 1.0, 0.0  # of the loose shape: 1 and its square, its product with what is left
         for i in range(min(same, behind), size):  # Cholesky, and the forward substitution with it
             row = size - 1 - i
             for j in range(i + 1):
@@ -315,10 +329,14 @@ def _log_likelihoods(mean: Float, covariance: Float, expected: Float, u: Float, 
                 for k in range(j):
                     rest -= lower[i, k] * lower[j, k]
                 lower[i, j] = rest * lower[j, j] if j < i else 1.0 / math.sqrt(rest + u[n, row] ** 2)
-            rest = mean[row] - expected[n, row]
+            rest, also = mean[row] - expected[n, row], loose[n, row]
             for k in range(i):
                 rest -= lower[i, k] * white[k]
-            white[i] = rest * lower[i, i]
+                also -= lower[i, k] * free[k] if k >= behind else 0.0
+            white[i], free[i] = rest * lower[i, i], also * lower[i, i]
             squares[i + 1], root[i + 1] = squares[i] + white[i] ** 2, root[i] * lower[i, i]
+            if i >= behind:
+                own, both = own + free[i] ** 2, both + free[i] * white[i]
         same = behind
-        out[n] = math.log(root[size]) - 0.5 * squares[size]
+        amount[n] = both / own
+        out[n] = math.log(root[size]) - 0.5 * (squares[size] + math.log(own) - both * both / own)

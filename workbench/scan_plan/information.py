@@ -363,8 +363,9 @@ def _broken(root_mm: float, profiler: Profiler, known: Knowledge, view: View, fr
     # a pixel a column wide, which returns where half of it is filled
     usual = np.abs(blank.pixels[0] - [0.0, 0.5]).sum(axis=1).argmin()
     none, most, pixel = np.zeros(sizes.size), np.full(sizes.size, MOST_INCIDENCE), np.full(sizes.size, usual)
-    depth, raised = rendered_end(blank, sizes, none, most, pixel, np.zeros(sizes.size, np.int64), none)
-    return tuple(seen_end(blank._replace(known=blank.known._replace(mean=mean)), templates) for mean in depth - raised)
+    depth, aside = rendered_end(blank, sizes, none, most, pixel, np.zeros(sizes.size, np.int64), none)
+    means = depth - blank.nearer * aside
+    return tuple(seen_end(blank._replace(known=blank.known._replace(mean=mean)), templates) for mean in means)
 
 
 def combined(joint: Joint, known: Knowledge, passes: Sequence[PassInformation], length_mm: float) -> Predicted:

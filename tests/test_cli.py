@@ -256,8 +256,8 @@ from workbench.api import Document, stage
 @stage("demo.sleep")
 def sleep() -> Document:
     Path(sys.argv[-1]).write_text("")
-    while True:  # in pieces: a signal that comes right before a call of sleep does not end it
-        time.sleep(0.1)
+    for _ in range(600):  # in pieces: a signal that comes right before a call of sleep does not end it
+        time.sleep(1.0)
     return Document("a.txt", b"")
 from workbench.cli import main
 sys.exit(main(sys.argv[1:-1]))

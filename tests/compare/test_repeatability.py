@@ -152,7 +152,7 @@ REFUSED = {
     "twice": (rows("P,A,1,1,1.5,0.01", "P,A,1,1,1.5,0.01"), "stands twice"),
     "cells": (rows("P,A,1,1"), "line 2: expected 6 cells, found 4"),
     "column": ("part,operater\nP,A\n", "line 1: 'operater': unknown column; did you mean 'operator'?"),
-    "empty": ("", "at least one measurement"),
+    "empty": ("", "is empty"),
     "both": ("inspection,section\na.json,1\n", "either an inspection or a section"),
     "missing file": ("inspection\nnone.json\n", "none.json: "),
     "other sections": (rows("P,A,1,1,1.5,0.01", "P,A,2,2,1.5,0.01"), "expected sections 1 to 1"),

@@ -320,6 +320,8 @@ def _footprints(cloud: Cloud, rim: FaceRim, here: Bool) -> Float:
 def _bluntness(cloud: Cloud, rim: FaceRim, beside: FaceLines, here: Bool) -> tuple[float, float]:
     """What is cut off the corner of two faces in the columns that see it, in columns times the fold; and its u."""
     face, frames = rim.face, np.flatnonzero(here & (np.minimum(rim.face.count, beside.count) > LEAST_GROUPS))
+    if frames.size < LEAST_FRAMES:
+        return 0.0, 1.0
     x = cloud.x_mm[frames].astype(np.float64)
     fold = (beside.slope - face.slope)[frames]
     corner = (face.z_mean - beside.z_mean + beside.slope * beside.x_mean - face.slope * face.x_mean)[frames] / fold

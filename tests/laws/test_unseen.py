@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,8 +24,10 @@ from bench.simulators.triangulated import simulate as triangulated
 from workbench.artefacts import ROOT_FACE, Cloud, Inspection, MilledEdge, PointSet, RawEdge, Recording
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_cloud, segment_preparation, segment_raw
+from workbench.errors import InputError
 from workbench.inspect import preparation, sections
 from workbench.scan import fuse, read
+from workbench.synthetic import parse_recipe, simulate_recording
 from workbench.units import DEG, Float
 
 RECORDING = "data/synthetic/milled_edge.h5"
@@ -134,6 +138,20 @@ def test_how_far_a_rough_face_is_lost_is_in_the_u_of_its_direction() -> None:
     turned = ((found.normal - normal) * found.across).sum(axis=1)
     assert np.nanmax(np.abs(turned)) > 0.1 * DEG
     assert np.nanmax(np.abs(turned) / found.normal_u) < 1.5
+
+
+@pytest.mark.parametrize("coarser", [3.5, 3.7, 3.75, 3.8])
+def test_columns_that_grow_wider_are_measured_until_they_are_too_coarse(coarser: float) -> None:
+    recipe = json.loads(Path(RECORDING).with_suffix(".json").read_text())
+    scanner = recipe["scanner"]
+    scanner |= {"columns": int(scanner["columns"] / coarser), "pitch_mm": scanner["pitch_mm"] * coarser}
+    coarse, _ = simulate_recording(parse_recipe(recipe, RECORDING))
+    cloud = denoise(fuse(coarse))
+    if coarser < 3.8:
+        assert np.isfinite(segment(cloud).root.u).any()
+    else:
+        with pytest.raises(InputError, match="too coarse"):
+            segment(cloud)
 
 
 def test_a_hand_eye_pose_whose_u_is_known_is_no_doubt() -> None:

@@ -79,7 +79,7 @@ ROUGH = (
 )
 
 STEPPED = (
-    "the root face's end lies {:.2f} mm off its course over {:.0f} mm of edge, about {:.0f} mm along it: returns are "
+    "the root face's end lies {:.2f} mm {} its course over {:.0f} mm of edge, about {:.0f} mm along it: returns are "
     "lost there, a burr stands out, or the edge itself steps: look at it; what a step would cost is in u"
 )
 ASIDE = "a part of the {} stands aside by {:.2f} mm, a step or second returns: sizes are those of its line without it"
@@ -284,11 +284,12 @@ def milled_edge(
 def _steps(measured: Measured, at: Float) -> tuple[str, ...]:
     """The largest step that the edge may have at arc lengths `at` (m,), where it stands out of the course."""
     step = np.interp(at + measured.shift, measured.end.course.at_mm, measured.said.step_mm)
-    off = np.abs(step) > 2.0 * measured.end.course.u(at + measured.shift)
+    off = np.abs(step) > np.maximum(2.0 * measured.end.course.u(at + measured.shift), ASIDE_MM[1])
     if not off.any():
         return ()
     most = np.argmax(np.abs(step))
-    return (STEPPED.format(step[most], STATION_MM * off.sum(), at[most]),)
+    where = "beyond" if step[most] > 0.0 else "short of"
+    return (STEPPED.format(abs(step[most]), where, STATION_MM * off.sum(), at[most]),)
 
 
 def _forms(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import json
+import os
 import platform
 import time
 import warnings
@@ -212,7 +213,7 @@ def _one_line_errors(step: Step, checked: Plan) -> Iterator[None]:
     try:
         yield
     except WorkbenchError as error:
-        if Path(error.where.partition(": ")[0]).exists():
+        if os.path.exists(error.where.partition(": ")[0]):  # False for what no file can be named
             raise
         place = error.where.removeprefix(step.stage.name).lstrip(".: ")  # what names no file is found by its stage
         raise type(error)(f"{where}: {place}" if place else where, error.expected) from error

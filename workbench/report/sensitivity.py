@@ -183,7 +183,7 @@ def sensitivity(
     """What each link of the chain contributes to root face and bevel angle, and what to improve first.
 
     Standard uncertainties of the bevel face's place and direction, milled blindly and with a finishing pass corrected
-    by a measured cut (docs/planning.md, "Which link costs how much").
+    by a measured cut (docs/planning.md, "Error budget of the chain").
 
     Args:
         toolpath: the path: bevel, layers, and how far from the robot's base the part lies.

@@ -120,8 +120,8 @@ def next_(
 ) -> tuple[Document | Chapter, ...]:
     """Name the pass that would decide an undecided inspection.
 
-    Of elevations 10 deg apart it is the one that will probably decide most sections (docs/scan_planning.md, "What
-    next"). `next_scan.json` is an `edge` for `plan_scan.json`; it is written only if some section is decided more
+    Of elevations 10 deg apart it is the one that will probably decide most sections (docs/scan_planning.md, "The next
+    scan"). `next_scan.json` is an `edge` for `plan_scan.json`; it is written only if some section is decided more
     likely than not.
 
     Args:

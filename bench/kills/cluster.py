@@ -154,8 +154,8 @@ def main() -> int:
         same = [one.outcome for one in made.records] == [one.outcome for one in alone.records]
     text = (
         f"{options.parts} parts on {options.workers} workers, seed {options.seed}{made_by()}: a worker killed after "
-        f"{first}, the scheduler after {second} ({before} done, then reported: {told}). Carried on by the same command: "
-        f"{once} parts written once, {equal} equal to one process's in every byte, outcomes "
+        f"{first}, the scheduler after {second} ({before} done, then reported: {told}). Carried on by the same "
+        f"command: {once} parts written once, {equal} equal to one process's in every byte, outcomes "
         f"{'' if same else 'not '}the same."
     )
     print(text)

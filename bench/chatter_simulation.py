@@ -1,4 +1,4 @@
-"""Milling in the time domain, to judge what `stiffness.chatter` says: `python -m bench.chatter_simulation --cases 50`.
+"""Milling in the time domain, to judge what `stiffness.chatter` says.
 
 Every tooth, in slices along its helix, cuts what stands between it and the surface that was left there: chips end where
 a tooth leaves the material, run-out makes them uneven. Two runs that differ by a millionth of the feed show whether
@@ -8,8 +8,6 @@ the modes and the cutting coefficients only.
 
 from __future__ import annotations
 
-import argparse
-import sys
 from typing import NamedTuple
 
 import numpy as np
@@ -172,15 +170,3 @@ def agreement(cases: int, seed: int, runout_mm: float = 0.0) -> tuple[int, int]:
             stable = [verdict(dynamics, cut, share * limit, runout_mm=runout_mm) for share in (0.9, 1.1)]
             right += stable[0] + (not stable[1])
     return right, asked
-
-
-if __name__ == "__main__":
-    from bench.chatter_simulation import agreement  # kept kernels know their types by this name, not by __main__
-
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cases", type=int, default=50)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--runout-mm", type=float, default=0.0)
-    given = parser.parse_args(sys.argv[1:])
-    found, of = agreement(given.cases, given.seed, given.runout_mm)
-    print(f"{found} of {of} verdicts agree ({100 * found / max(of, 1):.1f} %)")

@@ -1,7 +1,8 @@
-"""What every study needs: its parts in several processes, one line now and then, and what its table was made by."""
+"""What every study is: tasks, measured in several processes, and their table, written into a page by its command."""
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import importlib
 import json
@@ -11,15 +12,93 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
+
+from bench.tables import put_into
 
 ROOT = Path(__file__).resolve().parents[1]
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 EVERY = 20  # parts
 T, R = TypeVar("T"), TypeVar("R")
+
+
+class Option(NamedTuple):
+    """What a study may be asked for: a number, a word, a switch; of a tuple some."""
+
+    default: Any
+    what: str = ""
+    choices: Any = None
+    said: bool = True  # in the command that stands above the table
+
+
+@dataclass(frozen=True)
+class Study:
+    """`python -m bench.NAME`: what is measured, and what is told of all that was found."""
+
+    name: str
+    says: str
+    options: Mapping[str, Option]
+    tasks: Callable[[argparse.Namespace], Iterable[Any]]
+    measure: Callable[[Any], Any]
+    lines: Callable[[list[Any], argparse.Namespace], Iterable[str]]  # Markdown
+    page: str = ""  # of docs/, in which `--docs` puts it
+    marks: str = "tables"
+    put: Callable[[Path, str], str] = field(default=lambda page, text: text)  # the same as that page has it
+    told: Callable[[Any], Iterable[str]] | None = None  # lines on standard error of each result as it comes
+    workers: int = 2
+
+    def __call__(self, arguments: Sequence[str] | None = None) -> None:
+        """Measure, print, and write the page if it is asked for.
+
+        Results are kept, so that a stopped run goes on, unless they are told as they come.
+        """
+        given, made = self._parsed(arguments), made_by()  # of the code that runs: the commit may change meanwhile
+        tasks = list(self.tasks(given))
+        if self.told:
+            found = []
+            for one in each(self.measure, tasks, given.workers):
+                found.append(one)
+                print(*self.told(one), sep="\n", file=sys.stderr, flush=True)
+        else:
+            found = kept(self.name, self.measure, tasks, given.workers)
+        text = "\n".join([f"`{self.command(given)}`{made}", "", *self.lines(found, given)])
+        print(text)
+        if self.page and given.docs:
+            page = ROOT / "docs" / self.page
+            put_into(page, self.put(page, text), self.marks)
+
+    def _parsed(self, arguments: Sequence[str] | None) -> argparse.Namespace:
+        parser = argparse.ArgumentParser(prog=f"python -m bench.{self.name}", description=self.says)
+        for name, (default, what, choices, _) in self.options.items():
+            told: dict[str, Any] = {"default": default, "choices": choices, "type": type(default)}
+            if isinstance(default, bool):
+                told = {"action": "store_true"}
+            elif isinstance(default, tuple):
+                told |= {"type": str, "nargs": "*", "metavar": "NAME"}
+            elif not choices:
+                what += f" ({default})"
+            parser.add_argument(f"--{name.replace('_', '-')}", help=what, **told)
+        parser.add_argument("--workers", type=int, default=self.workers, help=f"processes ({self.workers})")
+        if self.page:
+            parser.add_argument("--docs", action="store_true", help=f"write the table into docs/{self.page}")
+        return parser.parse_args(arguments)
+
+    def command(self, given: argparse.Namespace) -> str:
+        """What was run, as it can be typed again: numbers, and what is not the default."""
+        words = [f"python -m bench.{self.name}"]
+        for name, (default, _, _, said) in self.options.items():
+            value, option = getattr(given, name), f"--{name.replace('_', '-')}"
+            if said and isinstance(default, tuple) and tuple(value) != default:
+                words += [option, *value]
+            elif said and not isinstance(default, bool | tuple) and (value != default or isinstance(value, int)):
+                words += [option, str(value)]
+            elif value is True:
+                words.append(option)
+        return " ".join(words)
 
 
 def each(measure: Callable[[T], R], tasks: Sequence[T], workers: int, what: str = "parts") -> Iterator[R]:

@@ -7,7 +7,6 @@ Grooves: `swept` and `odd` of the swept simulator, `prism` of the package's, `sh
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -15,11 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bench.drawn import grooves, preparations
-from bench.harness import ROOT, kept, made_by
+from bench.harness import Option, Study
 from bench.odd_grooves import SHAPES, exact, odd_groove, swapped
 from bench.simulators.swept import SweptRecipe, simulate_groove, simulate_swept
 from bench.simulators.swept.sweep import GROOVES
-from bench.tables import folded, markdown, put_into
+from bench.tables import folded, markdown
 from workbench.artefacts import SIZES, GrooveInspection, PreparationInspection, Recording, u_name
 from workbench.cloud import denoise
 from workbench.edge import segment_groove, segment_preparation
@@ -140,7 +139,7 @@ def measure(task: tuple[str, int]) -> dict[str, Any]:
     return row | {"z": [v for _, v in z]} | said
 
 
-def report(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+def report(rows: Sequence[Mapping[str, Any]], _: Any) -> Iterator[str]:
     """By condition how many end how, and the shares of their values; the first cause of each outcome."""
     table, causes = [], []
     for name in dict.fromkeys(row["condition"] for row in rows):
@@ -161,24 +160,6 @@ def report(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         yield from markdown(["condition", "outcome", "parts", "first seed", "its cause"], causes)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m bench.joints", description=__doc__)
-    parser.add_argument("--parts", type=int, default=20, help="a condition (20)")
-    parser.add_argument("--seed", type=int, default=1_000_000, help="of each condition's first part (1000000)")
-    parser.add_argument("--conditions", nargs="+", choices=CONDITIONS, default=list(CONDITIONS), metavar="NAME")
-    parser.add_argument("--workers", type=int, default=2, help="processes (2)")
-    parser.add_argument("--docs", action="store_true", help="write the tables into docs/grooves.md")
-    given = parser.parse_args()
-    tasks = [(name, given.seed + k) for name in given.conditions for k in range(given.parts)]
-    command = f"python -m bench.joints --parts {given.parts} --seed {given.seed}"
-    command += "" if len(given.conditions) == len(CONDITIONS) else f" --conditions {' '.join(given.conditions)}"
-    text = "\n".join([f"`{command}`{made_by()}", "", *report(kept("joints", measure, tasks, given.workers))])
-    print(text)
-    if given.docs:
-        page = ROOT / "docs" / "grooves.md"
-        put_into(page, folded(page, text), "joints")
-
-
 def _as_read(exact: dict[str, Float], kind: str, foot_radius_mm: float, found: str) -> dict[str, Float]:
     """Sizes of a nose whose corner is filled by the terms of a J, and the other way round; two bevels as one.
 
@@ -197,5 +178,20 @@ def _as_read(exact: dict[str, Float], kind: str, foot_radius_mm: float, found: s
     return exact | {"land_mm": sharp} | ({"root_radius_mm": radius} if found == "J" else {})
 
 
+STUDY = Study(
+    "joints",
+    str(__doc__),
+    {
+        "parts": Option(20, "a condition"),
+        "seed": Option(1_000_000, "of each condition's first part"),
+        "conditions": Option(tuple(CONDITIONS), choices=CONDITIONS),
+    },
+    lambda given: [(name, given.seed + k) for name in given.conditions for k in range(given.parts)],
+    measure,
+    report,
+    "grooves.md",
+    "joints",
+    folded,
+)
 if __name__ == "__main__":
-    main()
+    STUDY()

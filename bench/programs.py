@@ -11,17 +11,19 @@ among those that passed, and no promise broken.
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import sys
 import time
+from argparse import Namespace
 from collections import Counter
-from pathlib import Path
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from bench.harness import ROOT, Option, Study
 from bench.program_outsider import Outsider, Target
+from bench.tables import markdown
 from workbench.artefacts import Judgement
 from workbench.program.rapid import MODES, MODULE, Module
 from workbench.robot import Cell, forward_kinematics, read_cell
@@ -30,7 +32,7 @@ from workbench.robot.collision import left_out
 from workbench.robot.judge import judge
 from workbench.units import Float
 
-CELL = Path(__file__).parent.parent / "data" / "robot" / "cell.json"
+CELL = ROOT / "data" / "robot" / "cell.json"
 TOGETHER = 250  # programs that the outsider drives side by side
 UNUSED = "9E9"
 
@@ -202,73 +204,81 @@ def _foot(cell: Cell) -> Shape:
 def judged(found: Judgement) -> Counter[str]:
     """What is counted of the judge's verdict on a program."""
     kinds = {violation.kind for violation in found.violations}
-    return Counter(["programs", "passed" if found.passed else "refused", *(f"  refused for: {kind}" for kind in kinds)])
+    return Counter(["programs", "passed" if found.passed else "refused", *(f"refused for: {kind}" for kind in kinds)])
 
 
-def printed(tally: Counter[str], begin: float) -> None:
-    """The table of a study that began at that time."""
-    for name, count in [*sorted(tally.items()), ("seconds", round(time.perf_counter() - begin))]:
-        print(f"{name:75s} {count}")
+def blocks(given: Namespace, size: int = TOGETHER) -> Iterator[tuple[int, int, int]]:
+    """Seed, first number and the one after the last of those that are driven side by side."""
+    return ((given.seed, low, min(low + size, given.count)) for low in range(0, given.count, size))
 
 
-def study(count: int, seed: int, all_driven: int, kind: str = "turntable") -> Counter[str]:
-    """Judge `count` random programs; the outsider drives those that passed, and the first `all_driven` all."""
+def summed(tallies: Sequence[Mapping[str, int]], _: Namespace) -> Iterator[str]:
+    """All blocks together."""
+    tally = Counter[str]()
+    for one in tallies:  # zeros are told, too
+        tally.update(one)
+    yield from markdown(["", "count"], ([name, f"{count}"] for name, count in sorted(tally.items())))
+
+
+def driven(task: tuple[str, int, int, int, int]) -> Counter[str]:
+    """Judge a block of random programs; the outsider drives those that passed, and the first `all_driven` all."""
+    kind, all_driven, seed, first_number, last = task
     cell = dataclasses.replace(read_cell(CELL), process=None)  # random programs begin anywhere
     if kind != "turntable":
         cell = {"track": on_a_track, "positioner": on_a_tilt}[kind](cell, np.random.default_rng([seed]))
-    tally, judging, begin = Counter[str](), 0.0, time.perf_counter()
+    tally, judging, some = Counter[str](), 0.0, []
     outsider = Outsider(CELL.parent / "irb6700_150_320.urdf", cell)
-    for low in range(0, count, TOGETHER):
-        some = []
-        for number in range(low, min(low + TOGETHER, count)):
-            rng = np.random.default_rng([seed, number])
-            first, table, targets = random_program(cell, rng)
-            tip = forward_kinematics(cell.chain, first) @ cell.flange_from_cutter
-            here = with_boxes(cell, rng, targets, tip)
-            start = time.process_time()
-            found = judge(here, Module().program({"random.mod": rapid_text(here, first, table, targets)}))
-            judging += time.process_time() - start
-            tally.update(judged(found))
-            if found.passed or number < all_driven:
-                some.append((number, found, here, first, table, targets))
-        driven = outsider.drive([row[3:] for row in some])
-        for (number, found, here, *_), (wrong, joints, tables) in zip(some, driven, strict=True):
-            broken = wrong
-            if found.passed and not wrong:
-                broken = outsider.broken(here, joints, tables, found.clearance_mm, found.limit_margin)
-            if broken or not found.passed:
-                wrong = wrong or outsider.unsafe(here, joints, tables)
-            tally["driven by the outsider"] += 1
-            tally["  of these unsafe"] += bool(wrong)
-            if not found.passed:
-                tally["  of these refused for a margin or an axis' speed, harmless without"] += not wrong
-                continue
-            tally["  of the passed, told that two bodies are not checked"] += len(here.unchecked) > len(cell.unchecked)
-            tally["UNSAFE PASSED"] += bool(wrong)
-            tally["PROMISES BROKEN"] += bool(broken)
-            tally["places of the outsider"] += len(joints)
-            if broken:
-                print(f"seed {seed} number {number}: {broken}")
-        print(f"{time.perf_counter() - begin:.0f} s: {dict(tally)}", file=sys.stderr, flush=True)
-    tally["milliseconds of the judge a program"] = round(1e3 * judging / count)
+    for number in range(first_number, last):
+        rng = np.random.default_rng([seed, number])
+        first, table, targets = random_program(cell, rng)
+        tip = forward_kinematics(cell.chain, first) @ cell.flange_from_cutter
+        here = with_boxes(cell, rng, targets, tip)
+        start = time.process_time()
+        found = judge(here, Module().program({"random.mod": rapid_text(here, first, table, targets)}))
+        judging += time.process_time() - start
+        tally.update(judged(found))
+        if found.passed or number < all_driven:
+            some.append((number, found, here, first, table, targets))
+    ways = outsider.drive([row[3:] for row in some])
+    for (number, found, here, *_), (wrong, joints, tables) in zip(some, ways, strict=True):
+        broken = wrong
+        if found.passed and not wrong:
+            broken = outsider.broken(here, joints, tables, found.clearance_mm, found.limit_margin)
+        if broken or not found.passed:
+            wrong = wrong or outsider.unsafe(here, joints, tables)
+        tally["driven by the outsider"] += 1
+        tally["of these unsafe"] += bool(wrong)
+        if not found.passed:
+            tally["of these refused for a margin or an axis' speed, harmless without"] += not wrong
+            continue
+        tally["of the passed, told that two bodies are not checked"] += len(here.unchecked) > len(cell.unchecked)
+        tally["UNSAFE PASSED"] += bool(wrong)
+        tally["PROMISES BROKEN"] += bool(broken)
+        tally["places of the outsider"] += len(joints)
+        if broken:
+            print(f"seed {seed} number {number}: {broken}", file=sys.stderr)
+    tally["seconds of the judge"] = round(judging)
     return tally
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=40)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--all-driven", type=int, default=500, help="of the first so many, those refused too")
-    parser.add_argument(
-        "--track", action="store_true", help="the robot stands on a track, and the turntable does not turn"
-    )
-    parser.add_argument("--positioner", action="store_true", help="the turntable stands on an axis that tilts it")
-    options = parser.parse_args()
-    kind = "track" if options.track else "positioner" if options.positioner else "turntable"
-    begin = time.perf_counter()
-    printed(study(options.count, options.seed, options.all_driven, kind), begin)
+def tasks(given: Namespace) -> Iterator[tuple[str, int, int, int, int]]:
+    kind = "track" if given.track else "positioner" if given.positioner else "turntable"
+    return ((kind, given.all_driven, *block) for block in blocks(given))
 
 
+STUDY = Study(
+    "programs",
+    str(__doc__),
+    {
+        "track": Option(False, "the robot stands on a track, and the turntable does not turn"),
+        "positioner": Option(False, "the turntable stands on an axis that tilts it"),
+        "count": Option(40),
+        "seed": Option(1),
+        "all_driven": Option(500, "of the first so many, those refused too", said=False),
+    },
+    tasks,
+    driven,
+    summed,
+)
 if __name__ == "__main__":
-    main()
+    STUDY()

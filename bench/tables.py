@@ -34,12 +34,12 @@ def put_into(page: Path, text: str, marks: str = "tables") -> None:
     page.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8")
 
 
-def folded(page: Path, text: str) -> str:
+def folded(page: Path, text: str, largest: int = LARGEST) -> str:
     """`text` for `page`: in the place of each large table that of its CSV, which is called after the heading above."""
 
     def kept(table: re.Match[str]) -> str:
         head, _, *rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table[0].splitlines()]
-        if len(head) * len(rows) <= LARGEST:
+        if len(head) * len(rows) <= largest:
             return table[0]
         return f"[All rows]({written(page, HEADING.findall(text[: table.start()])[-1], head, rows)}).\n"
 

@@ -9,17 +9,20 @@ promise (clearance, distance from limits, largest share of a speed) broken.
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import json
-import time
+import sys
+from argparse import Namespace
 from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from bench.harness import Option, Study
 from bench.program_outsider import Outsider, Target
-from bench.programs import CELL, judged, printed, random_program, with_boxes
+from bench.programs import CELL, blocks, judged, random_program, summed, with_boxes
 from workbench.program.trajectory import COLUMNS, Table
 from workbench.robot import Cell, forward_kinematics, read_cell
 from workbench.robot.judge import MOST_TOLD, judge
@@ -66,15 +69,15 @@ def files(times: Float, angles: Float, tool: Float, name: str) -> dict[str, str]
     return {f"{name}.csv": table, f"{name}.json": json.dumps({**head, "points": rows})}
 
 
-def study(count: int, seed: int) -> Counter[str]:
-    """Judge `count` random trajectories; the outsider samples all."""
-    shipped, tally = (
-        dataclasses.replace(read_cell(CELL), process=None),
-        Counter[str](),
-    )  # random programs begin anywhere
+def sampled(task: tuple[int, int, int]) -> tuple[Counter[str], float]:
+    """Judge a block of random trajectories, the outsider samples all; the largest share of an acceleration by splines.
+
+    Through the rows of those that passed.
+    """
+    shipped, tally = dataclasses.replace(read_cell(CELL), process=None), Counter[str]()  # they begin anywhere
     outsider = Outsider(CELL.parent / "irb6700_150_320.urdf", shipped)
-    worst = 0.0
-    for number in range(count):
+    (seed, first, last), worst = task, 0.0
+    for number in range(first, last):
         rng = np.random.default_rng([seed, number])
         cell = shipped if rng.random() < 0.6 else dataclasses.replace(shipped, accelerations=None)
         times, angles = random_trajectory(cell, rng)
@@ -89,12 +92,12 @@ def study(count: int, seed: int) -> Counter[str]:
         tally["too fast for the outsider"] += bool(fast)
         missed = bool(fast) and not kinds & {"speed", "acceleration"} and len(found.violations) < MOST_TOLD
         tally["TOO FAST, NOT TOLD"] += missed
-        tally["  told as too fast, the outsider needs less"] += not fast and bool(kinds & {"speed", "acceleration"})
+        tally["told as too fast, the outsider needs less"] += not fast and bool(kinds & {"speed", "acceleration"})
         if abs(share - found.speed_share) > 1e-3 * share:
             tally["SHARE OF A SPEED WRONG"] += 1
-            print(f"{name}: {share:.4f} of a speed, said {found.speed_share:.4f}")
+            print(f"{name}: {share:.4f} of a speed, said {found.speed_share:.4f}", file=sys.stderr)
         if missed:
-            print(f"{name}: {fast}")
+            print(f"{name}: {fast}", file=sys.stderr)
         if not found.passed:
             continue
         limit = ((joints < outsider.low) | (joints > outsider.high)).any()
@@ -105,20 +108,19 @@ def study(count: int, seed: int) -> Counter[str]:
         tally["places of the outsider"] += len(joints)
         worst = max(worst, outsider.of_a_spline(cell, times, angles))
         if broken:
-            print(f"{name}: {broken}")
-    tally["percent of an acceleration, at most, by a spline through rows that passed"] = round(100 * worst)
-    return tally
+            print(f"{name}: {broken}", file=sys.stderr)
+    return tally, worst
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=40)
-    parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args()
-    begin = time.perf_counter()
-    printed(study(options.count, options.seed), begin)
+def report(found: Sequence[tuple[Mapping[str, int], float]], given: Namespace) -> Iterator[str]:
+    """All blocks together."""
+    yield from summed([tally for tally, _ in found], given)
+    worst = max(share for _, share in found)
+    yield from ("", f"A spline through rows that passed asks for at most {100 * worst:.0f} % of an acceleration.")
 
 
+STUDY = Study(
+    "trajectories", str(__doc__), {"count": Option(40), "seed": Option(1)}, partial(blocks, size=20), sampled, report
+)
 if __name__ == "__main__":
-    main()
+    STUDY()

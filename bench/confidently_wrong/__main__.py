@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import argparse
-from collections import Counter
+from argparse import Namespace
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -11,10 +12,10 @@ import numpy as np
 
 from bench.confidently_wrong.kinds import KINDS, Kind
 from bench.drawn.seeds import nominal_sizes
-from bench.harness import ROOT, each, made_by
+from bench.harness import Option, Study
 from bench.score.face import rough_upper_side
 from bench.score.named import ANALYTIC, SWEPT, simulated
-from bench.tables import markdown, put_into, written
+from bench.tables import folded, markdown
 from workbench.artefacts import Check, Gate, Inspection, PointSet, RawEdge, Recording
 from workbench.checks import judge_recording
 from workbench.cloud import denoise
@@ -63,7 +64,6 @@ FLOOR_MM, FLOOR_DEG = 0.02, 0.1  # below these a difference to the truth at a pl
 WIDE_MM, WIDE_DEG = 1.0, 2.0  # off the drawing that any of the parts passes
 HONEST_MM, HONEST_DEG = 0.25, 0.5  # u of what nobody would call confident: half of the default tolerance
 PATH_MM = 0.5  # off the true edge by less than robots err
-PAGE = ROOT / "docs" / "confidently_wrong.md"
 
 
 def inspected(recording: Recording, truth: Truth, kind: Kind) -> str:
@@ -162,33 +162,26 @@ def _refused(message: str, kind: Kind) -> str:
 JUDGES = {"inspections": (inspected, INSPECTED), "plans": (planned, PLANNED)}
 
 
-def main() -> None:
-    """Run the study and print its table; `--docs` writes the page."""
-    parser = argparse.ArgumentParser(prog="python -m bench.confidently_wrong")
-    parser.add_argument("--parts", type=int, default=20, help="inspected parts a kind")
-    parser.add_argument("--plans", type=int, default=10, help="planned parts a kind")
-    parser.add_argument("--good", type=int, default=30, help="good recordings a condition, for false refusals")
-    parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--kinds", nargs="*", default=[], help="only kinds whose name holds one of these words")
-    parser.add_argument("--workers", type=int, default=2, help="processes (2)")
-    parser.add_argument("--docs", action="store_true", help="write docs/confidently_wrong.md")
-    chosen = parser.parse_args()
-    command = f"--parts {chosen.parts} --plans {chosen.plans} --good {chosen.good} --seed {chosen.seed}"
-    kinds = tuple(name for name in KINDS if not chosen.kinds or any(word in name for word in chosen.kinds))
-    command += f" --kinds {' '.join(chosen.kinds)}" if chosen.kinds else ""
-    counts = {"inspections": chosen.parts, "plans": chosen.plans}
-    tasks = [(name, chosen.seed, k, kinds) for name, count in counts.items() for k in range(count)]
-    found = {name: {kind: Counter[str]() for kind in kinds} for name in JUDGES}
-    for name, outcomes in each(spoilt_part, tasks, chosen.workers):
+LARGEST = 24  # cells of the table that stays in the page
+
+
+def drawn(given: Namespace) -> list[tuple[str, int, int, tuple[str, ...]]]:
+    """Judge, seed, number and kinds of every part."""
+    kinds = tuple(name for name in KINDS if not given.kinds or any(word in name for word in given.kinds))
+    counts = {"inspections": given.parts, "plans": given.plans}
+    return [(name, given.seed, k, kinds) for name, count in counts.items() for k in range(count)]
+
+
+def report(parts: Sequence[tuple[str, dict[str, str]]], given: Namespace) -> Iterator[str]:
+    """How parts end, of all kinds and of each; good ones that fail a check."""
+    found: dict[str, dict[str, Counter[str]]] = {name: defaultdict(Counter) for name in JUDGES}
+    for name, outcomes in parts:
         for kind, outcome in outcomes.items():
             found[name][kind][outcome] += 1
-    good = _false_refusals(chosen.good, chosen.seed)
-    told = f"`python -m bench.confidently_wrong {command}`{made_by() if chosen.docs else ''}"
-    lines = [told, "", *table(**found), ""]
-    print("\n".join([*lines, *good]))
-    if chosen.docs:
-        place = written(PAGE, "corruptions", ["corruption", "inspections", "plans"], every_kind(**found))
-        put_into(PAGE, "\n".join([*lines, f"[Every kind]({place}).", "", *good]))
+    yield from table(**found)
+    yield from ("", "## Corruptions", "")
+    yield from markdown(["corruption", "inspections", "plans"], every_kind(**found))
+    yield from ("", *_false_refusals(given.good, given.seed))
 
 
 def spoilt_part(task: tuple[str, int, int, tuple[str, ...]]) -> tuple[str, dict[str, str]]:
@@ -241,5 +234,21 @@ def _false_refusals(count: int, seed: int) -> list[str]:
     return ["## False refusals", "", told + (f": {'; '.join(failed[:20])}." if failed else ".")]
 
 
+STUDY = Study(
+    "confidently_wrong",
+    str(__doc__),
+    {
+        "parts": Option(20, "inspected parts a kind"),
+        "plans": Option(10, "planned parts a kind"),
+        "good": Option(30, "good recordings a condition, for false refusals"),
+        "seed": Option(SEED),
+        "kinds": Option((), "only kinds whose name holds one of these words"),
+    },
+    drawn,
+    spoilt_part,
+    report,
+    "confidently_wrong.md",
+    put=partial(folded, largest=LARGEST),
+)
 if __name__ == "__main__":
-    main()
+    STUDY()

@@ -7,7 +7,6 @@ survives is an error that no test tells, unless it changes nothing that counts.
 
 from __future__ import annotations
 
-import argparse
 import os
 import time
 from collections.abc import Iterator
@@ -16,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bench.harness import kept
+from bench.harness import Option, Study
 from bench.mutation.changes import changes
 from bench.mutation.mutant import ROOT, fails
 
@@ -78,6 +77,7 @@ def tried(task: tuple[int, str, int]) -> dict[str, Any]:
     seed, room, trial = task
     mutant = drawn(room, np.random.default_rng([seed, trial, list(TESTS).index(room)]))
     started = time.monotonic()
+    os.nice(10 - os.nice(0))
     return {
         "room": room,
         "where": f"{mutant.path}:{mutant.number}",
@@ -88,20 +88,7 @@ def tried(task: tuple[int, str, int]) -> dict[str, Any]:
     }
 
 
-def main() -> None:
-    """Run the study, or what is left of it, and print the table."""
-    parser = argparse.ArgumentParser(prog="python -m bench.mutation", description=__doc__)
-    parser.add_argument("--count", type=int, default=64, help="mutants, the same number of each room")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--rooms", nargs="+", default=list(TESTS), choices=list(TESTS))
-    chosen = parser.parse_args()
-    os.nice(10)
-    rooms = chosen.rooms
-    tasks = [(chosen.seed, rooms[k % len(rooms)], k // len(rooms)) for k in range(chosen.count)]
-    print(*table(kept("mutation", tried, tasks)), sep="\n")
-
-
-def table(rows: list[dict[str, Any]]) -> Iterator[str]:
+def table(rows: list[dict[str, Any]], _: Any) -> Iterator[str]:
     """Killed by room, and each survivor."""
     yield "| room | mutants | killed |\n| --- | --- | --- |"
     for room in TESTS:
@@ -114,5 +101,18 @@ def table(rows: list[dict[str, Any]]) -> Iterator[str]:
             yield f"\n{row['where']}: `{row['was']}` became `{row['line']}`"
 
 
+STUDY = Study(
+    "mutation",
+    str(__doc__),
+    {
+        "count": Option(64, "mutants, the same number of each room"),
+        "seed": Option(1),
+        "rooms": Option(tuple(TESTS), choices=TESTS),
+    },
+    lambda given: [(given.seed, given.rooms[k % len(given.rooms)], k // len(given.rooms)) for k in range(given.count)],
+    tried,
+    table,
+    workers=1,
+)
 if __name__ == "__main__":
-    main()
+    STUDY()

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
-from bench.harness import ROOT, kept, made_by
+from bench.harness import Option, Study
 from bench.scan_plan.achieved import LIGHT_MM, SIMULATORS, examine
-from bench.tables import markdown, put_into
+from bench.tables import markdown
 
-PAGE = ROOT / "docs" / "scan_planning.md"
 QUANTITIES = (("root", "root face"), ("bevel", "bevel angle"))
 Row = dict[str, Any]
 
 
-def summary(rows: Sequence[Row]) -> Iterator[str]:
+def summary(rows: Sequence[Row], _: Any) -> Iterator[str]:
     """The table, and what else is counted."""
     head = ["simulator, lower edge", "quantity", "parts", "u achieved / predicted: 10 %", "median", "90 %"]
     head += ["within 0.8 to 1.25, %", "wanted U reached where promised, %", "error within U, %"]
@@ -55,21 +53,15 @@ def summary(rows: Sequence[Row]) -> Iterator[str]:
     )
 
 
-def main() -> None:
-    """Examine parts, print the table."""
-    parser = argparse.ArgumentParser(prog="python -m bench.scan_plan", description=__doc__)
-    parser.add_argument("--parts", type=int, default=300)
-    parser.add_argument("--first", type=int, default=0, help="seed")
-    parser.add_argument("--workers", type=int, default=2, help="processes (2)")
-    parser.add_argument("--docs", action="store_true", help="the table into docs/scan_planning.md")
-    given = parser.parse_args()
-    rows = kept("scan_plan", examine, range(given.first, given.first + given.parts), given.workers)
-    told = f"`python -m bench.scan_plan --parts {given.parts} --first {given.first}`{made_by()}"
-    text = "\n".join([told, "", *summary(rows)])
-    print(text)
-    if given.docs:
-        put_into(PAGE, text, "scan_plan")
-
-
+STUDY = Study(
+    "scan_plan",
+    str(__doc__),
+    {"parts": Option(300), "first": Option(0, "seed")},
+    lambda given: range(given.first, given.first + given.parts),
+    examine,
+    summary,
+    "scan_planning.md",
+    "scan_plan",
+)
 if __name__ == "__main__":
-    main()
+    STUDY()

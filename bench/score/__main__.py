@@ -2,66 +2,51 @@
 
 from __future__ import annotations
 
-import argparse
-import sys
+from argparse import Namespace
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from bench.harness import each, made_by
+from bench.harness import Option, Study
 from bench.open.rivals import NAMES
-from bench.score.measure import Result, one
+from bench.score.measure import Result, Task, one
 from bench.score.parts import GROUPS, group, kept, simulators
-from bench.score.table import lines_of, put, table
-
-FIRST_SEED = 5_000_000  # seeds below 10,000 are for developing
+from bench.score.table import lines_of, summary, table
 
 
-def main(arguments: list[str] | None = None) -> int:
-    given = parse(arguments)
-    keep = given.keep or kept()
-    tasks = [
-        (name, simulator, given.seed + k, keep, given.engine)
-        for k in range(given.parts)
-        for name in given.conditions or given.groups
-        for simulator, draws in simulators().items()
-        if simulator in given.simulators and group(name).recordings in draws
-    ]
-    results: list[Result] = []
-    for result in each(one, tasks, given.workers):
-        results.append(result)
-        print(*lines_of(result), sep="\n", file=sys.stderr, flush=True)
-    order = [*GROUPS, *(given.conditions or ())]
-    results.sort(key=lambda r: (order.index(r.group), r.simulator, r.seed))
-    text = f"`python -m bench.score {command(given)}`{made_by() if given.docs else ''}\n\n{table(results)}"
-    print(text)
-    if given.docs:
-        put(text, "score")
-    return 0
+def tasks(given: Namespace) -> Iterator[Task]:
+    """Every group of every simulator that draws it, part by part."""
+    keep = Path(given.keep or kept())
+    for k in range(given.parts):
+        for name in given.conditions or given.groups:
+            for simulator, draws in simulators().items():
+                if simulator in given.simulators and group(name).recordings in draws:
+                    yield name, simulator, given.seed + k, keep, given.engine
 
 
-def parse(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m bench.score", description=__doc__)
-    parser.add_argument("--parts", type=int, default=25, help="a group and simulator (25); 3: a quick look")
-    parser.add_argument("--seed", type=int, default=FIRST_SEED, help=f"of the first part ({FIRST_SEED})")
-    parser.add_argument("--groups", nargs="+", choices=GROUPS, default=list(GROUPS))
-    parser.add_argument(
-        "--conditions", nargs="+", choices=simulators()["named"], metavar="NAME", help="instead of groups"
-    )
-    parser.add_argument("--simulators", nargs="+", choices=simulators(), default=list(simulators()))
-    parser.add_argument("--engine", choices=NAMES, default="product")
-    parser.add_argument("--workers", type=int, default=2, help="processes (2)")
-    parser.add_argument("--keep", type=Path, help="folder of the recordings; one that was named keeps them for ever")
-    parser.add_argument("--docs", action="store_true", help="write the table into docs/score.md")
-    return parser.parse_args(arguments)
+def lines(results: Sequence[Result], given: Namespace) -> Iterator[str]:
+    order = [*GROUPS, *given.conditions]
+    yield table(sorted(results, key=lambda r: (order.index(r.group), r.simulator, r.seed)))
 
 
-def command(given: argparse.Namespace) -> str:
-    """What was run, as it can be typed again."""
-    words = [f"--parts {given.parts} --seed {given.seed}"]
-    words += [f"--conditions {' '.join(given.conditions)}"] if given.conditions else []
-    words += [] if given.groups == list(GROUPS) else [f"--groups {' '.join(given.groups)}"]
-    words += [] if given.simulators == list(simulators()) else [f"--simulators {' '.join(given.simulators)}"]
-    return " ".join([*words, *([] if given.engine == "product" else [f"--engine {given.engine}"])])
-
-
+STUDY = Study(
+    "score",
+    str(__doc__),
+    {
+        "parts": Option(25, "a group and simulator; 3: a quick look"),
+        "seed": Option(5_000_000, "of the first part; below 10,000 are for developing"),
+        "conditions": Option((), "instead of groups", simulators()["named"]),
+        "groups": Option(tuple(GROUPS), choices=GROUPS),
+        "simulators": Option(tuple(simulators()), choices=simulators()),
+        "engine": Option("product", choices=NAMES),
+        "keep": Option("", "folder of the recordings; one that was named keeps them for ever", said=False),
+    },
+    tasks,
+    one,
+    lines,
+    "score.md",
+    "score",
+    summary,
+    lines_of,
+)
 if __name__ == "__main__":
-    sys.exit(main())
+    STUDY()

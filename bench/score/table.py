@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.harness import ROOT
 from bench.score.measure import Result
-from bench.tables import folded, markdown, put_into, shortened
+from bench.tables import markdown, shortened
 from workbench.score.scorer import card, scale
 
 HEAD = ("group", "simulator", "value", "parts", "refused", "score", "rms error", "median u", "within 2u, %")
@@ -84,12 +83,6 @@ def verdicts(results: Sequence[Result]) -> list[str]:
         f"- verdict `pass` on a section beyond 4u: {passed}; crashed: {crashed}; {seconds:.0f} s of processor time for "
         f"{len(results)} parts"
     ]
-
-
-def put(text: str, marks: str) -> None:
-    """Replace what stands between these marks of docs/score.md; rows by simulator go beside the page."""
-    page = ROOT / "docs" / "score.md"
-    put_into(page, summary(page, text) if marks == "score" else folded(page, text), marks)
 
 
 def summary(page: Path, text: str) -> str:

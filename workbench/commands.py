@@ -145,7 +145,7 @@ def build_parser() -> Parser:
     opened.add_argument("--no-browser", action="store_true", help="print the address only")
     completed = command("completion", "print what makes a shell complete commands, options and pipelines")
     completed.add_argument("shell", choices=("bash", "zsh"), help='such as: eval "$(workbench completion bash)"')
-    shown = command("view-cell", "draw a robot cell in a posture; tell its limits, reach, warnings and clearance")
+    shown = command("view-cell", "draw a robot cell in a posture; print its limits, reach, warnings and clearance")
     shown._negative_number_matcher = NEGATIVE
     shown.add_argument("cell", metavar="CELL", help="the cell file (data/robot/README.md)")
     shown.add_argument(
@@ -490,7 +490,7 @@ complete -o filenames -F _workbench workbench"""
 
 
 def view_cell(options: argparse.Namespace) -> int:
-    """Draw a robot cell in a posture, and tell its limits, reach, warnings and clearance."""
+    """Draw a robot cell in a posture, and print its limits, reach, warnings and clearance."""
     from workbench.robot.picture import view_cell
 
     where = options.posture, options.turntable_deg, options.out, options.tilt_deg

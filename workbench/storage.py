@@ -249,7 +249,7 @@ def csv_rows(path: Path, max_bytes: int, known: Sequence[str] = ()) -> list[tupl
     header = next(iter(table), [])
     for name in header:
         if header.count(name) > 1:
-            raise InputError(places[0], f"'{name}': stands twice")
+            raise InputError(places[0], f"'{name}': occurs twice")
         if known and name not in known:
             raise InputError(places[0], f"'{name}': unknown column{nearest(name, known)}")
     for where, row in zip(places, table, strict=True):

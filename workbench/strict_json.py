@@ -50,7 +50,7 @@ def read_any_json(path: Path, max_bytes: int = MAX_BYTES) -> Any:
         made = dict(pairs)
         if len(made) < len(pairs):
             twice = next(key for key, _ in pairs if sum(key == other for other, _ in pairs) > 1)
-            raise InputError(f"{path}: $.{twice}", "stands twice")
+            raise InputError(f"{path}: $.{twice}", "occurs twice")
         return made
 
     hooks: dict[str, Any] = {

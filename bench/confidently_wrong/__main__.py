@@ -147,7 +147,7 @@ def _wrong_class(kind: Kind, checks: tuple[Check, ...]) -> str:
         "flange": "nor a hand-eye" in told,
         "window": "beside a column that hardly ever returns" in told,
         "clock": "does not show whether the clocks agree" in told,
-        "order": "frames out of order; nothing tells which" in told,
+        "order": "frames out of order; the recording does not show which" in told,
         "digits": "were they rounded, or commanded instead" in told,
         "poses": "poses only: noise in them" in told,
     }

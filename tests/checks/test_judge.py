@@ -248,7 +248,7 @@ def test_few_frames_show_no_order() -> None:
     )
     found = {one.name: one for one in judge_recording(few)}
     assert found["order_share"].value is None
-    assert "nothing tells their order" in found["order_share"].finding
+    assert "which does not show their order" in found["order_share"].finding
     assert found["wiggle_mm"].value is None
 
 
@@ -541,5 +541,5 @@ def test_where_neighbours_scatter_nothing_tells_the_order_of_frames() -> None:
     order = np.random.default_rng(1).permutation(len(recording.time_s))
     shuffled = spoilt(recording, x_mm=recording.x_mm[order], z_mm=recording.z_mm[order])
     good, found = ({one.name: one for one in judge_recording(r)}["order_share"] for r in (recording, shuffled))
-    assert "nothing tells which" not in good.finding
-    assert "frames out of order; nothing tells which" in found.finding
+    assert "the recording does not show which" not in good.finding
+    assert "frames out of order; the recording does not show which" in found.finding

@@ -66,7 +66,7 @@ REFUSED = {
     "a directory": (["."], ".: expected a file"),
     "not a recording's name": (["a.csv", "--out", "b.txt"], "b.txt: expected the name of a recording"),
     "no such mapping": (["a.csv", "--mapping", "nothing.json"], "nothing.json: no such file"),
-    "a source twice": (["a.csv", "./a.csv"], "./a.csv: stands twice among the sources"),
+    "a source twice": (["a.csv", "./a.csv"], "./a.csv: occurs twice among the sources"),
     "no poses": (["b.csv"], "b.csv: expected poses too: a file of poses, or linear_axis in the mapping"),
     "two sources wrong": (["a.h5x", "c.csv"], "sources: (1) a.h5x: no such file"),
     "no such folder": (["a.csv", "--mapping", "map.json", "--out", "none/a.h5"], "none/a.h5: cannot be written"),

@@ -94,7 +94,7 @@ BAD: dict[str, tuple[str, str]] = {
     "an underscore": ("x,z\n1,2_0\n", r"line 2, cell 2: expected a number"),
     "another name": ("x,Z\n1,2\n", r"is in no known form"),
     "no rows": ("x,z\n\n\n", r"expected rows of numbers after line 1, found none"),
-    "twice": ("x,z,z\n1,2,3\n", r"column 'z': stands twice"),
+    "twice": ("x,z,z\n1,2,3\n", r"column 'z': occurs twice"),
     "a frame a row": ("x,z\n1,2\n\n3,4\n\n5,6\n", r"expected several points a frame, found 3 frames in 3 rows"),
     "a zero byte": ("x,z\n1,\0\n", r"line 2: expected text, found a zero byte"),
     "no return": ("x,z\n1,\n2,\n", r"expected returns, found none"),

@@ -9,7 +9,7 @@ import pytest
 @pytest.mark.parametrize(
     ("unit", "scale", "told"),
     [
-        ("mm", 1.0, "coordinates taken as mm: the format tells no unit; inch would be possible too"),
+        ("mm", 1.0, "coordinates taken as mm: the format states no unit; inch would be possible too"),
         ("m", 1e-3, "coordinates taken as m: in mm it would be no part"),
     ],
 )

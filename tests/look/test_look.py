@@ -124,7 +124,7 @@ CONVENTIONS = [
     (["milled_edge", "raw_edge"], scaled(1e3, X, Z), "the profiles' x and z are in micrometres"),
     (["milled_edge", "raw_edge"], scaled(1e3, Z), "the profiles' z, but not their x, are in micrometres"),
     (["milled_edge", "raw_edge"], scaled(1e-3, X, Z), "the profiles' x and z are in metres"),
-    (["milled_arc", "groove"], swapped, "the profiles' x and z are swapped (nothing tells their signs)"),
+    (["milled_arc", "groove"], swapped, "the profiles' x and z are swapped (signs unknown)"),
 ]
 
 

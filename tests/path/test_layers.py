@@ -268,7 +268,7 @@ def test_what_is_not_known_well_enough_is_not_cut(raw) -> None:
         inside = (final.arc_length_mm > 25.5) & (final.arc_length_mm < 39.5)
         assert not final.cutting[inside].any()
         assert final.cutting[(final.arc_length_mm > 3) & (final.arc_length_mm < 18)].all()
-        assert any("does not tell the edge well enough" in told for told in path.warnings)
+        assert any("does not determine the edge well enough" in told for told in path.warnings)
         assert (
             layers(replace(scan.edge, **{name: unknown}), scan.cloud, bevel_tolerance_deg=29)
             .layers[-1]

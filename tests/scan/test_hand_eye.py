@@ -65,7 +65,7 @@ BAD = {
     "NaN": (json.dumps(calibration(volume_u_mm=float("nan"))), "found NaN"),
     "binary": ("\x00\x01", "expected JSON"),
     "nested without end": ("[" * 200_000, "expected JSON"),
-    "a key twice": ('{"method": 1, "method": 2}', "stands twice"),
+    "a key twice": ('{"method": 1, "method": 2}', "occurs twice"),
     "a list": ([1], "expected an object"),
     "no pose": ({"method": "m"}, "expected 'flange_from_profiler'"),
     "misspelt pose": (

@@ -20,8 +20,7 @@ UNSEEN = (
     "An offset between the clocks of profiler and robot, unless the motion shows it: it moves values along the edge.",
     "A burr in the plane of the root face or end face, or a loss of returns at its end, along the whole edge: no "
     "profile reveals it. An allowance for it can be declared.",
-    "What stands back below the root face or end face, in the shadow that it throws along the rays: an undercut, a "
-    "chamfer of the lower edge.",
+    "A recess below the root face or end face, in its shadow along the rays: an undercut, a chamfer of the lower edge.",
     "An even layer of paint, scale or coolant: the surface that returns the light is measured.",
 )  # what no recording of a straight edge shows
 

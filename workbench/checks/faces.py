@@ -82,7 +82,7 @@ def require_bevel(
     told = f"the faces meet at {shown.bevel_deg:.1f} deg, where {shown.bevel_nominal_deg:g} is nominal, as the upper "
     told += f"surface and a bevel face of {90.0 - shown.bevel_deg:.1f} deg would: is the root face in view, and the "
     told += "nominal angle the drawing's? or a bevel above a land (inspect_preparation.json)?"
-    told = told if alone else "the upper or the lower surface is in view, and tells the faces apart"
+    told = told if alone else "the upper or the lower surface is in view, which distinguishes the faces"
     beside = [abs(angle - shown.bevel_nominal_deg) for angle in (shown.bevel_deg, 90.0 - shown.bevel_deg)]
     right = check("complement_nearer_deg", beside[0] - beside[1] if alone else None, told, given=limits)
     plates = plates_check(shown.two_plates_share if alone else 0.0, limits)
@@ -90,7 +90,7 @@ def require_bevel(
     told = "read the other way, bevel face as root face, the profiles fit as well: both are about as wide as the "
     told += "nominal root face, and neither upper nor lower surface is in view, or another plate is: give upper_side, "
     told += "widen the view, or is it a weld groove, for inspect_groove.json?"
-    told = told if other else "the upper or the lower surface is in view, and tells the faces apart"
+    told = told if other else "the upper or the lower surface is in view, which distinguishes the faces"
     apart = check("readings_apart", shown.readings_apart if other else None, told, given=limits)
     judged = judge_faces(cloud, labels, limits, shown.lies_on, shown.rim_mm)
     stepped = beside_check(cloud, labels, shown.root_nominal_mm, limits)

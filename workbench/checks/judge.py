@@ -70,7 +70,7 @@ COARSE_MM = 0.02  # steps of ranges that bend faces, where another check fails
 COARSE, NARROWEST_MM = 25.0, 0.5  # a view narrower than usual that is scanned in steps of fewer columns is a true one
 UNKNOWN = ": are orientations, axes or the hand-eye pose wrong?"
 SWAPPED = 0.1  # share of the columns that are unevenly spaced: sensors' pixels are even, ranges have noise
-UNMET = "no face was seen by two passes: nothing tells how far apart these lie"
+UNMET = "no face was seen by two passes: the recording does not show how far apart these lie"
 TOLD = 3  # copies of passes that a refusal names
 ELSE = "; else "  # between suspicions: a refusal names the first
 UNITS_MM = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
@@ -485,13 +485,13 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
         explained = [one.name for one, c in readings if one is not AS_READ and _explains(c, now)]
         suspected = [*steadier, *(name for name in explained if name not in steadier)]
     hint = f"; suspicion: {ELSE.join(suspected)}" if suspected else UNKNOWN
-    told = f"the laser plane stands {now.obliquity_deg:.0f} deg off square"
+    told = f"the laser plane is {now.obliquity_deg:.0f} deg off square"
     yield dataclasses.replace(oblique, finding=told if oblique.passed else told + hint)
     told = f"the angle between laser plane and edge would vary by {now.varies_deg:.1f} deg to each side"
     yield dataclasses.replace(varies, finding=told if varies.passed else told + hint)
-    told = f"the section would turn by {now.unsteady_deg:.2f} deg about the edge and back, unlike any plate"
+    told = f"the section would rotate by {now.unsteady_deg:.2f} deg about the edge and back, unlike any plate"
     yield dataclasses.replace(unsteady, finding=told if unsteady.passed else told + hint)
-    told = f"the section would turn by {now.twist_deg:.2f} deg about the edge, which the orientations do not explain"
+    told = f"the section would rotate by {now.twist_deg:.2f} deg about the edge, which the orientations do not explain"
     by_reading = unexplained and suspected and _turning(suspected)
     most_deg = CONVENTION_TWIST_DEG if by_reading else most("twist_deg")
     twist = check("twist_deg", now.twist_deg, given=given, default=most_deg)
@@ -518,21 +518,21 @@ def _unseen(recording: Recording, found: Mapping[int, Chain], now: Consistency) 
         _turned_deg(recording.robot_quaternion_wxyz[recording.robot_pass == number])
         for number in np.unique(recording.robot_pass)
     )
-    told = f"the flange turns by {turned:.1f} deg within a pass: "
+    told = f"the flange rotates by {turned:.1f} deg within a pass: "
     told += "a scale of its travel and frames in reverse order would not show"
     if min(turned, against) < TURNS_DEG:
         told += (
-            ", nor a hand-eye pose that is displaced, or turned by less than the limit of obliquity_deg, mirrored or "
-            "swapped axes of the robot or of the profiler, orientations that are off by a constant"
+            ", nor a hand-eye pose that is displaced, or rotated by less than the limit of obliquity_deg, mirrored or "
+            "swapped axes of the robot or of the profiler, orientations with a constant error"
         )
     if not _sways(recording):
-        told += "; it turns evenly, which does not show whether the clocks agree"
+        told += "; it rotates evenly, which does not show whether the clocks agree"
     fewest = int(np.unique(recording.robot_pass, return_counts=True)[1].min())
     if fewest < FEW_POSES:
         told += f"; a pass has {fewest} poses only: noise in them would not show"
     if turned == 0.0:
-        told += "; the orientation is the same to the last digit: if it was not measured, its turn is in no value"
-    reason = f"a hand-eye pose shows itself where the flange turns against the edge by {TURNS_DEG:g} deg and more"
+        told += "; the orientation is the same to the last digit: if it was not measured, its rotation is in no value"
+    reason = f"a hand-eye error is visible where the flange rotates against the edge by {TURNS_DEG:g} deg and more"
     return Check("flange_turn_deg", turned, None, True, reason, told)
 
 
@@ -580,21 +580,21 @@ def _order_checks(recording: Recording, found: Mapping[int, Chain], given: Mappi
     told += "part that vibrates?"
     known = np.isfinite(here.jumps_mm)
     yield check("wiggle_mm", here.jumps_mm if known else None, told, given=given)
-    told = "frames next to each other are alike, which shows their order"
+    told = "neighbouring frames are similar, which shows their order"
     if not known:
-        told = "too few profiles go together: nothing tells their order"
+        told = "too few profiles agree, which does not show their order"
     elif here.share > IN_ORDER and here.jumps_mm < ALIKE_MM:
         told = "the part hardly moves in the view, which does not show the order of its frames"
     elif here.share > IN_ORDER:
         told = f"the section's place in the view scatters by {here.jumps_mm:.2f} mm between neighbouring frames, "
         told += f"{100 * here.share:.0f} % of its scatter over the whole pass: vibration, noise, or frames out of "
-        told += "order; nothing tells which"
+        told += "order; the recording does not show which"
     yield Check(
         "order_share",
         here.share if known else None,
         None,
         True,
-        "where they scatter as all do, any order looks alike",
+        "where they scatter as all do, no order can be distinguished",
         told,
     )
 

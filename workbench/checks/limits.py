@@ -43,12 +43,12 @@ LIMITS: dict[str, Limit] = {
     "position_jump_mm": Limit(
         0.5,
         "single jump of a recorded position, against the motion before and after it",
-        "a robot goes on as it did; what lies beyond the jump is elsewhere by as much, which bends a curved edge",
+        "robots move smoothly; a jump displaces all that follows, which bends a curved edge",
     ),
     "orientation_step_deg": Limit(
         0.1,
-        "standard uncertainty of a turn by the digits to which quaternions are rounded",
-        "two digits leave 0.6 deg, as much in all poses of a robot that hardly turns; three leave 0.06",
+        "standard uncertainty of a rotation by the digits to which quaternions are rounded",
+        "two digits leave 0.6 deg, as much in all poses of a robot that hardly rotates; three leave 0.06",
     ),
     "hand_eye_mm": Limit(
         (5.0, 2000.0),
@@ -57,12 +57,12 @@ LIMITS: dict[str, Limit] = {
     ),
     "repeated_share": Limit(
         0.02,
-        "share of the frames that are an earlier frame of their pass again, bit for bit",
+        "share of the frames that repeat an earlier frame of their pass bit for bit",
         "a few are dropped as copies; more is a sensor or driver that delivers old buffers",
     ),
     "repeated_run": Limit(
         4.0,
-        "how many frames in a row are the one before them again, bit for bit",
+        "number of consecutive frames that repeat the one before them bit for bit",
         "good recordings have none, and a hiccup few; ten that come late at the start of a ring put its root face "
         "0.04 mm off",
     ),
@@ -90,7 +90,7 @@ LIMITS: dict[str, Limit] = {
     ),
     "obliquity_deg": Limit(
         27.0,
-        "angle between the laser plane's normal and the edge, as poses and profiles together tell it",
+        "angle between the laser plane's normal and the edge, from poses and profiles together",
         "scans are made at 0 to 25 deg; wrong orientations or hand-eye poses mostly give 27 to 68 deg",
     ),
     "obliquity_varies_deg": Limit(
@@ -102,14 +102,15 @@ LIMITS: dict[str, Limit] = {
     ),
     "twist_deg": Limit(
         35.0,
-        "turn of the section about the edge over 150 mm of it that the orientations do not explain; 0.25 where another "
-        "reading of them explains most of it, below 1.2 deg only if that also halves an obliquity of 10 deg and more",
+        "rotation of the section about the edge over 150 mm of it that the orientations do not explain; 0.25 where "
+        "another reading of them explains most of it, below 1.2 deg only if that also halves an obliquity of at least "
+        "10 deg",
         "edges of helices and saddles turn by up to 30; none happens to be twisted as a known mistake would show it",
     ),
     "unsteady_twist_deg": Limit(
         3.0,
-        "the same, less what is a slow function of the place on the edge",
-        "plates turn slowly, good recordings have up to 0.5; wrong orientations turn the section with the wrist",
+        "the same, less its slow variation along the edge",
+        "plates twist slowly, good recordings have up to 0.5; wrong orientations rotate the section with the wrist",
     ),
     "together_share": Limit(
         (0.6, 1.0),
@@ -143,8 +144,8 @@ LIMITS: dict[str, Limit] = {
         (0.6, 1.0),
         "share of those, and of profiles with a face that is not to be read, that show the kind of face, or the "
         "preparation, that most do; of the worse plate",
-        "a plate is prepared alike along its edge; spatter and tack welds hide less, U and J grooves leave up to 0.3 "
-        "unread; what the lesser part of the profiles shows is mostly the upper one of two faces",
+        "a plate is prepared in the same way along its edge; spatter and tack welds hide less, U and J grooves leave "
+        "up to 0.3 unread; what the lesser part of the profiles shows is mostly the upper one of two faces",
     ),
     "root_seen_share": Limit(
         (0.34, 1.0),
@@ -171,8 +172,8 @@ LIMITS: dict[str, Limit] = {
         (0.25, 3.5),
         "width of what would be the root face over its nominal size; 2.3 at most where no upper surface is in view, "
         "0.5 at least where neither it nor the lower surface is",
-        "the nominal size tells the faces apart; where upper surface and bevel face are all that the view shows, they "
-        "look like a bevel face and a wide root face, and a bevel face like a narrow one",
+        "the nominal size distinguishes the faces; where upper surface and bevel face are all that the view shows, "
+        "they look like a bevel face and a wide root face, and a bevel face like a narrow one",
     ),
     "complement_nearer_deg": Limit(
         5.0,
@@ -186,7 +187,7 @@ LIMITS: dict[str, Limit] = {
         "by how much root face and bevel face, read the other way round, fit worse, where neither upper nor lower "
         "surface is in view, or two plates are: half the square of the logarithm of a width over its nominal one, in "
         "units of 0.6",
-        "where both faces are as wide, nothing tells them apart; 0.25 is a bevel face 1.5 times as wide as the nominal "
+        "faces of the same width cannot be distinguished; 0.25 is a bevel face 1.5 times as wide as the nominal "
         "root face",
     ),
     "face_bow": Limit(
@@ -225,7 +226,7 @@ LIMITS: dict[str, Limit] = {
     "face_columns": Limit(
         (8.0, 1e5),
         "of a prepared plate or a groove, returns of a profile on its narrowest face, clear of the corners",
-        "fewer do not tell whether it is straight: a rounded corner passes for a face",
+        "fewer do not show whether it is straight: a rounded corner passes for a face",
     ),
     "corner_stands_out_mm": Limit(
         0.01,
@@ -252,7 +253,7 @@ LIMITS: dict[str, Limit] = {
         "share of some profiles in which two level plates with a groove between them were found, of a single edge that "
         "shows no other surface",
         "grooves show them in 0.9 and more, edges beside a table in less than 0.1; beside a rail as high as the plate "
-        "in all: there its upper surface tells the one edge that has a root face and a bevel",
+        "in all: there its upper surface identifies the one edge with a root face and a bevel",
     ),
     "groove_compound": Limit(
         0.2,
@@ -300,7 +301,7 @@ LIMITS: dict[str, Limit] = {
     "root_levels": Limit(
         0.5,
         "difference between the depths below their plates at which the two roots begin, over the greater one",
-        "plates that are prepared alike differ by up to 0.1; of a bevel of two angles, whose lower face the view "
+        "plates with the same preparation differ by up to 0.1; of a bevel of two angles, whose lower face the view "
         "hides, the upper face alone is seen, and the gap was 2 mm off",
     ),
     "fillet_radius_mm": Limit(
@@ -315,8 +316,8 @@ LIMITS: dict[str, Limit] = {
     ),
     "not_confirmed": Limit(
         0.0,
-        "count of the values that its import took for granted and nobody has confirmed",
-        "a pitch or a unit that stands in for the sensor's makes every length wrong, and no profile shows it",
+        "count of the values that the import assumed and nobody has confirmed",
+        "an assumed pitch or unit makes every length wrong, and no profile shows it",
     ),
 }
 

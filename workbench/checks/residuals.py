@@ -142,16 +142,18 @@ def late_check(late: Late, limits: Mapping[str, Bound] | None = None) -> Check:
     turn = _rms(late.offset_s * late.rate * late.by_turn) / DEG
     hidden = _rms(late.unsure_s * late.rate)
     low, high = 1e3 * float(late.offset_s.min()), 1e3 * float(late.offset_s.max())
-    told = "the face turns to and fro by nothing that goes with the rate of the poses"
+    told = "the face shows no rotation that follows the rate of the poses"
     if turn > 0.0:
-        told = f"the face turns by {turn:.2g} deg (rms) as it would if poses came {low:+.0f} to {high:+.0f} ms late: a "
-        told += "delay left out, frames that are lost and not stamped, clocks that run at different rates, a hand-eye "
+        told = f"the face rotates by {turn:.2g} deg (rms) as it would if poses came {low:+.0f} to {high:+.0f} ms late: "
+        told += (
+            "a delay left out, frames that are lost and not stamped, clocks that run at different rates, a hand-eye "
+        )
         told += "pose that is off; or does the part vibrate, or something (tape?) cover its face here and there?"
     elif late.offset_s.any():
         told = f"the face moves to and fro as it would if poses came {low:+.0f} to {high:+.0f} ms late"
     elif hidden > UNSEEN_TURN:
         told = f"the scanner sways slowly, and does not show whether the clocks agree: {1e3 * UNSEEN_S:.0f} ms would "
-        told += f"turn the face by {hidden / DEG:.2g} deg (rms), as a plate may be twisted; nothing tells which"
+        told += f"rotate the face by {hidden / DEG:.2g} deg (rms), as a twisted plate does; it does not show which"
     return check("late_turn_deg", turn, told, given=limits)
 
 

@@ -135,7 +135,7 @@ def fitting_units(points: Float) -> list[Unit]:
 def _taken_for_granted(points_mm: Float, file: Path) -> str:
     others = [unit for unit in fitting_units(points_mm) if unit != "mm"]
     fit = f"; in {' or '.join(others)} it would be the size of a part too" if others else ""
-    return f'{file.name} tells no unit: taken as mm, a part of {_size(points_mm):.3g} mm{fit} (state the "unit")'
+    return f'{file.name} states no unit: taken as mm, a part of {_size(points_mm):.3g} mm{fit} (state the "unit")'
 
 
 def _size(points: Float) -> float:

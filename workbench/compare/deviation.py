@@ -27,8 +27,8 @@ DETECTION = 1.959964  # two-sided 95 %
 ROOT_2 = math.sqrt(2.0)  # two passes that err alike lie so many times their standard uncertainty apart
 PATH = "errors of the path that all faces share"
 ONE_FACE = (
-    "one face is compared, faces at right angles, or less than 12 mm of the part: nothing tells a change from a smooth "
-    "error of the robot's path, so position_u_mm is in u"
+    "one face is compared, faces at right angles, or less than 12 mm of the part: a change cannot be distinguished "
+    "from a smooth error of the robot's path, so position_u_mm is in u"
 )
 
 

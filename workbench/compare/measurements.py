@@ -96,7 +96,7 @@ def measurements_of(
         trial, section = row.get(called["trial"], where), 1 if characteristics else _section(row["section"], where)
         one = found.setdefault((part, operator, trial), Measurement(part, operator, where, {}))
         if section in one.sections:
-            what = f"trial {trial} of part '{part}' by '{operator}' stands twice"
+            what = f"trial {trial} of part '{part}' by '{operator}' occurs twice"
             raise InputError(where, what if characteristics else f"section {section} of {what}")
         one.sections[section] = _values(row, characteristics or NUMBERS, where)
     return list(found.values())

@@ -96,7 +96,7 @@ def _check_names(sources: Sequence[str | Path], target: Path) -> None:
         raise InputError(str(target), "is one of the sources: expected another name for the recording")
     twice = next((source for i, source in enumerate(sources) if places[i] in places[:i]), None)
     if twice is not None:
-        raise InputError(str(twice), "stands twice among the sources")
+        raise InputError(str(twice), "occurs twice among the sources")
 
 
 def grid_told(x_mm: Float32, z_mm: Float32) -> list[str]:

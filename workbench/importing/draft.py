@@ -211,8 +211,8 @@ def _ranges(form: Form) -> tuple[Tree, list[str]]:
     """A row of ranges a frame: nothing tells x, and often nothing the unit."""
     part: Tree = {**form.as_part(), "length_unit": "mm", "frames": "rows", "x_first": 0.0, "x_pitch": 1.0}
     return part, [
-        "profiles.x_pitch, profiles.x_first: a row of ranges does not tell x; 1 and 0 stand for the sensor's values",
-        "profiles.length_unit: a row of ranges does not tell its unit",
+        "profiles.x_pitch, profiles.x_first: a row of ranges does not contain x; 1 and 0 are assumed",
+        "profiles.length_unit: a row of ranges does not state its unit",
         *_no_return(part, _codes(form.rows)),
     ]
 
@@ -312,7 +312,8 @@ def _pattern(names: list[str], others: list[str]) -> str:
     tail = os.path.commonprefix([name[len(head) :][::-1] for name in names])[::-1]  # noqa: RUF071
     if any(name.startswith(head) and name.endswith(tail) for name in others):
         raise InputError(
-            ", ".join(names[:3]), "expected names that tell profiles from poses, such as scan1.csv and robot1.csv"
+            ", ".join(names[:3]),
+            "expected names that distinguish profiles from poses: scan1.csv and robot1.csv",
         )
     return f"{glob.escape(head)}*{glob.escape(tail)}"
 
@@ -378,7 +379,7 @@ def _times(tree: Tree, found: Sequence[Imported]) -> list[str]:
         if frames.travel_mm is None and count > 1:
             tree["linear_axis"] = {}
             tree["times"] = {"source": "travel", "start_mm": 0.0, "pitch_mm": 1.0}
-            return ["times.pitch_mm: the files tell no way along the scan; 1 mm a frame stands for the axis's"]
+            return ["times.pitch_mm: the files do not contain the travel; 1 mm per frame is assumed"]
         return []
     poses, pose_s = streams[0]
     if frames.time_s is not None and pose_s is not None:

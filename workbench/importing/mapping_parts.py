@@ -109,7 +109,7 @@ class ProfilesPart(TextPart):
     """A table of profile points, one row a point; or of ranges, one row a frame."""
 
     frames: Literal["column", "blank_lines", "restart", "one", "rows"] = Field(
-        description="what tells frames apart: columns.frame, blank lines, x that starts anew, one frame a file, "
+        description="how frames are separated: columns.frame, blank lines, x that starts anew, one frame a file, "
         "a frame a row of ranges"
     )
     columns: ProfileColumns | None = Field(default=None, description="for a row a point")
@@ -241,7 +241,7 @@ class TrackerPart(TimedPart):
     @model_validator(mode="after")
     def _of_a_table(self) -> TrackerPart:
         if self.targets is None and (self.number is not None or self.time is not None):
-            raise ValueError("expected number and time with targets only: other forms tell them")
+            raise ValueError("expected number and time with targets only: other forms state them")
         return self
 
     @property

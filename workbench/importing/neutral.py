@@ -151,7 +151,7 @@ class Points:
             place, width = spacing.columns, spacing.width
         note += "counted from each frame's first point" if place is _counted else "by the gaps in x"
         if len(counts) * width > max(FEW_CELLS, MOST_EMPTY * self.rows):
-            raise InputError(where, f"expected frames of alike length, found {counts.min()} to {counts.max()} points")
+            raise InputError(where, f"expected frames of equal length, found {counts.min()} to {counts.max()} points")
         return Grid(note=note, **_filled(points, ends, width, place))
 
 

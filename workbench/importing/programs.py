@@ -24,7 +24,7 @@ from workbench.language import NUMBER
 from workbench.units import Float
 
 NAME = "robot program (.ls, .mod, .src, .dat, .jbi, .script)"
-NOT_TOLD = "not told"
+NOT_TOLD = "not stated"
 
 
 class Maker(NamedTuple):
@@ -169,7 +169,7 @@ def drafted(path: Path, error: InputError) -> tuple[dict[str, object], list[str]
     part: dict[str, object] = {"flange_from_tool": identity, "base_from_frame": identity}
     doubts = [
         f"program.flange_from_tool: the positions are those of tool {_list(found.tools)}; taken as the flange",
-        f"program.base_from_frame: they stand in frame {_list(found.frames)}; taken as the base",
+        f"program.base_from_frame: they are in frame {_list(found.frames)}; taken as the base",
     ]
     own = (found.tools == {""}, found.frames == {""})
     return part, [doubt for doubt, is_own in zip(doubts, own, strict=True) if not is_own]

@@ -188,7 +188,7 @@ def _by_numbers(form: Form) -> Columns:
         return Columns("rows", {})
     first = leading(rows)
     places = [k for k in range(len(first), count) if not _labels(rows[:, k])]
-    doubt = "the columns have no names: what they are was told by their numbers"
+    doubt = "the columns have no names: their meaning was inferred from the numbers"
     roles = {role: Named(k, "") for k, role in enumerate(first) if role != COUNTER}
     if len(places) in (6, 7) and (found := _posed(rows, places, first, roles, doubt)) is not None:
         return found

@@ -409,7 +409,7 @@ def _places(part: TextPart, header: list[str], count: int, where: str, otherwise
         elif isinstance(column, int):
             wrong.append(f"expected a column {column} (counted from 0), found {count} columns")
         elif found:
-            wrong.append(f"column {column!r}: stands twice in the header")
+            wrong.append(f"column {column!r}: occurs twice in the header")
         else:
             wrong.append(f"column {column!r}: no such column{nearest(column, [name for name in header if name])}")
     if wrong:

@@ -207,7 +207,7 @@ def _by_number(readings: TrackerReadings, postures: Postures) -> Pairs:
     """Position n is the posture of that number, else the n-th row."""
     own = postures.number if postures.number is not None else np.arange(1, len(postures.values) + 1)
     if len(np.unique(own)) < len(own):
-        raise InputError(postures.source, "a posture's number stands twice")
+        raise InputError(postures.source, "a posture's number occurs twice")
     groups = []
     for position, rows in groups_of(readings):
         at = np.flatnonzero(own == position)
@@ -223,7 +223,7 @@ def _by_time(readings: TrackerReadings, postures: Postures, within_s: float, off
     """Postures within a time of the reading that all say the same; a robot that moves there tells nothing."""
     for what in (readings, postures):
         if what.time_s is None:
-            raise InputError(what.source, "tells no times: expected another tracker.pair in the mapping")
+            raise InputError(what.source, "contains no times: expected another tracker.pair in the mapping")
     assert readings.time_s is not None
     assert postures.time_s is not None
     groups, far, moving = [], 0, 0

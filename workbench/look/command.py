@@ -213,7 +213,7 @@ def _cloud(file: Path) -> Seen:
     fits = fitting_units(found)
     unit = stated or (fits[0] if fits else "mm")
     others = f"; {' or '.join(fits[1:])} would be possible too" if fits[1:] else ""
-    why = ("the format tells no unit" if unit == "mm" else "in mm it would be no part") + others
+    why = ("the format states no unit" if unit == "mm" else "in mm it would be no part") + others
     points = found * MM[unit]
     checks = []
     try:

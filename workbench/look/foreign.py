@@ -38,7 +38,7 @@ def frames_alone(found: Imported, source: str) -> Seen:
     hints = ["no poses: nothing is known of where it lies in the base", IMPORT_HINT]
     if found.poses is not None:
         hints = [
-            f"{len(found.poses.position_mm)} poses stand in it too: as a recording it is seen in the base",
+            f"{len(found.poses.position_mm)} poses are in it too: as a recording it is seen in the base",
             TO_IMPORT,
         ]
     if seen.sum() > 2 and np.ptp(frames.z_mm[seen]) == 0.0:

@@ -150,7 +150,7 @@ def consistent_axes(recording: Recording) -> tuple[str, ...]:
     ]
     swapped = [reading.name for reading in found if reading.swapped]
     if len(swapped) == sum(reading.swapped for reading in readings):
-        swapped = [f"{swapped[0]} (nothing tells their signs)"]
+        swapped = [f"{swapped[0]} (signs unknown)"]
     return (*swapped, *(reading.name for reading in found if not reading.swapped))
 
 

@@ -45,7 +45,7 @@ class Rows(NamedTuple):
                 + f" by {seen.sum()} of {seen.size} rows",
                 f"corners in the median at columns {', '.join(corners)}",
                 f"in columns {', '.join(sizes)}",
-                *([f"no return tells where {' and '.join(without)} are"] if without else []),
+                *([f"no return shows where {' and '.join(without)} are"] if without else []),
                 *self.groove.warnings[len(self.groove.alternatives) > 0 :],
             ]
         )

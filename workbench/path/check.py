@@ -171,7 +171,8 @@ SHOWING = (
     "pass_disagreement_mm",
     "late_turn_deg",
 )
-UNSHOWN = ("would not show", "in no value", "nothing tells", "does not show")  # they say so where a recording is blind
+# Words of findings where a recording is blind; of earlier files "nothing tells".
+UNSHOWN = ("would not show", "in no value", "does not show", "nothing tells")
 
 
 def unseen_checks(toolpath: Toolpath) -> tuple[str, ...]:

@@ -25,7 +25,7 @@ from workbench.path.feed import face_lines, moves_in_order
 from workbench.path.read import PLACE_UNSAID
 from workbench.stage import stage
 
-ALONE = "the workpiece. Its file tells of no check against a scan; the path was held against its own final layer"
+ALONE = "the workpiece. Its file records no check against a scan; the path was compared with its own final layer"
 
 
 @stage("path.check_file")

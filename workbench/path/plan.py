@@ -214,7 +214,7 @@ def known_well(
             + ("" if chain is None else f"{turn / DEG:.2g} deg (u)"),
         )
     told = tuple(
-        f"arc length {a:.0f} to {b:.0f} mm: not cut, the scan does not tell the edge well enough: "
+        f"arc length {a:.0f} to {b:.0f} mm: not cut, the scan does not determine the edge well enough: "
         f"to {np.max(root_mm[on]):.2g} mm of root and {np.max(angle_deg[on]):.2g} deg of bevel (1.645 u)"
         for a, b in cut_stretches(edge.arc_length_mm, edge.seen & ~known)
         for on in [(edge.arc_length_mm >= a - 1e-6) & (edge.arc_length_mm <= b + 1e-6) & edge.seen & ~known]

@@ -94,7 +94,7 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any] | _Refused:
     made: dict[str, Any] = {}
     for key, value in pairs:
         if key in made:
-            return _Refused(f"key '{key}' stands twice")
+            return _Refused(f"key '{key}' occurs twice")
         made[key] = value
     return made
 
@@ -251,5 +251,5 @@ def _as_text(value: Any, name: str, where: str) -> str:
     if isinstance(value, int | float):
         return json.dumps(value)
     raise PipelineError(
-        where, f"input '{name}' is {kind(value)}: inside a text only a string, number or boolean can stand"
+        where, f"input '{name}' is {kind(value)}: only a string, number or boolean can be inserted into a text"
     )

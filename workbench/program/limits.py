@@ -11,8 +11,8 @@ from workbench.units import DEG
 
 DEFLECTION_SHARE, REPEATABILITY_SHARE = 0.5, 0.25  # of the root face's tolerance: what is left is the measurement's
 RPM = 2 * np.pi / 60  # rad/s
-NO_FORCE = "the cutter's torque and power against the spindle's: nothing tells the milling force"
-NO_STIFFNESS = "how far the cutter gives way: nothing tells the robot's stiffness"
+NO_FORCE = "the cutter's torque and power against the spindle's: the milling force is unknown"
+NO_STIFFNESS = "the deflection of the cutter: the robot's stiffness is unknown"
 
 
 def root_checks(moves: Moves, gate: PathGate, cell: Cell, tolerance_mm: float) -> tuple[Check, ...]:

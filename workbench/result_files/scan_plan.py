@@ -58,7 +58,7 @@ class ScanPlanFile(ResultFile):
     format: Literal["scan-plan"]
     version: Literal[1]
     frame: Literal["base"]
-    edge: str = Field(description="the file that told where the edge is")
+    edge: str = Field(description="the file that gave the edge")
     thickness_mm: Positive
     root_mm: Positive
     bevel_deg: Positive

@@ -34,7 +34,7 @@ class SensorFile(ResultFile):
     noise_mm: Positive | None = Field(default=None, description="standard deviation of one range")
     noise_columns: Positive | None = Field(default=None, description="over which neighbours share their noise")
     linearity_mm: Annotated[float, Field(ge=0, le=1)] | None = Field(
-        default=None, description="rms of the range's own error over the columns, alike in every profile"
+        default=None, description="rms of the range error over the columns that is the same in every profile"
     )
     linearity_length_mm: Positive | None = Field(
         default=None, description="lateral length over which it changes: its correlation length; a quarter of a wave's"

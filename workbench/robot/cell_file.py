@@ -130,8 +130,8 @@ class SpindleCurvePart(_Part):
     """What the spindle gives for any length of time (S1) at its nose; between two speeds evenly."""
 
     speed_rpm: list[Size] = Field(min_length=2, description="rising; nothing is known beyond its ends")
-    torque_nm: list[Size] | None = Field(default=None, description="at each speed; null: as the power tells")
-    power_kw: list[Size] | None = Field(default=None, description="at each speed; null: as the torque tells")
+    torque_nm: list[Size] | None = Field(default=None, description="at each speed; null: from the power")
+    power_kw: list[Size] | None = Field(default=None, description="at each speed; null: from the torque")
 
     @model_validator(mode="after")
     def _curve(self) -> SpindleCurvePart:
@@ -193,7 +193,7 @@ class TrackPart(_Part):
     """
 
     joint: str | None = Field(
-        default=None, description="prismatic joint of the URDF below the base: tells what is not stated here"
+        default=None, description="prismatic joint of the URDF below the base: gives what is not stated here"
     )
     direction: Point | None = Field(
         default=None, description="in which the base goes as the value rises, in its frame; of any length"

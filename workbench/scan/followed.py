@@ -18,7 +18,7 @@ AWAY_MM, AWAY_DEG = 2.0, 2.0  # off the planned pose: what taught points and a p
 WIDE_MM = 3.0  # of the edge without a frame
 PITCH_SHARE = 0.1
 OTHER_MM = 50.0  # from the poses of every planned pass: another pass
-REASON = "told, not refused: u is that of what was recorded"
+REASON = "reported, not refused: u is that of the scan as recorded"
 
 
 def followed(cloud: Cloud, file: Path) -> tuple[Check, bool]:

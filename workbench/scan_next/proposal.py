@@ -252,7 +252,7 @@ def _sentence(best: Proposal, left: Sequence[Open], chance: dict[int, float], st
         return f"{pass_}, and the lower surface is in view." if best.shows_below else f"{pass_}; conditions remain."
     sure = sum(one >= SURE for one in chance.values())
     likely = max(math.floor(sum(chance.values())), sure)
-    told = f"{pass_}. As sizes move by what it tells, it probably decides {likely} of {len(left)} undecided sections"
+    told = f"{pass_}. As it also changes the values, it probably decides {likely} of {len(left)} undecided sections"
     told += f", {sure} of them at {100 * SURE:.0f} %" if sure else ""
     rest = [one for one in left if chance[one.section] < LIKELY]
     if not rest:

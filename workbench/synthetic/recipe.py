@@ -15,7 +15,7 @@ along +x, its middle at y = 0, the left plate at +y; the left plate's lower surf
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, Self, TypeAlias
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
@@ -142,39 +142,53 @@ class Part(Strict):
         return self
 
 
-class Noise(Strict):
+class GrazingNoise(Strict):
     """Range noise (along z): `sd_mm` / cos(incidence)^`grazing_power`, at most `grazing_cap` times `sd_mm`."""
 
     sd_mm: NonNegative = 0.012
     grazing_power: Annotated[float, Field(ge=0, le=4)] = 0.5
     grazing_cap: Annotated[float, Field(ge=1, le=20)] = 3.0
+
+
+class Noise(GrazingNoise):
+    """The same, shared by neighbouring columns."""
+
     correlation_columns: NonNegative = 0.0
 
 
-class Scanner(Strict):
-    """A laser profiler: its rays, its field of view, its axes and its noise."""
+class Profiler(Strict):
+    """Axes and range of a laser profiler; the camera stands `baseline_mm` off the laser along y."""
 
     columns: Annotated[int, Field(ge=8, le=8192)] = 800
     pitch_mm: Positive = 0.05
-    beam: Literal["parallel", "fan"] = "fan"
-    sampling: Literal["lateral", "angular"] = "lateral"
     x_rises: bool = True
     z_away: bool = True
     zero_range_mm: Number = 0.0
-    x_offset_mm: Number = 0.0
     standoff_mm: Positive = 150.0
     near_mm: NonNegative = 100.0
     far_mm: Positive = 200.0
     baseline_mm: Number = 60.0
-    max_incidence_deg: Annotated[float, Field(gt=0, le=90)] = 85.0
-    noise: Noise = Noise()
     quantum_mm: NonNegative = 0.0
     intensity: bool = False
 
     @model_validator(mode="after")
-    def _sound(self) -> Scanner:
+    def _ranged(self) -> Self:
         if not self.near_mm < self.standoff_mm < self.far_mm:
             raise ValueError("near_mm < standoff_mm < far_mm must hold")
+        return self
+
+
+class Scanner(Profiler):
+    """A laser profiler: its rays, its field of view, its axes and its noise."""
+
+    beam: Literal["parallel", "fan"] = "fan"
+    sampling: Literal["lateral", "angular"] = "lateral"
+    x_offset_mm: Number = 0.0
+    max_incidence_deg: Annotated[float, Field(gt=0, le=90)] = 85.0
+    noise: Noise = Noise()
+
+    @model_validator(mode="after")
+    def _sound(self) -> Scanner:
         if self.columns * self.pitch_mm > 2 * self.standoff_mm:
             raise ValueError("columns * pitch_mm must not exceed 2 standoff_mm")
         return self
@@ -196,18 +210,23 @@ class Disturbances(Strict):
 Motion: TypeAlias = Literal["two_poses", "stream", "stop_and_go"]
 
 
-class Pass(Strict):
-    """One scanning pass: where from, where to, how the scanner looks at the edge and how the robot moves."""
+class Look(Strict):
+    """How the scanner looks at the edge."""
 
-    from_mm: Number
-    to_mm: Number
     elevation_deg: Annotated[float, Field(gt=-90, lt=180)] = 40.0
     oblique_deg: Annotated[float, Field(ge=-30, le=30)] = 0.0
     lead_deg: Annotated[float, Field(ge=-30, le=30)] = 0.0
     aim_mm: tuple[Number, Number] = (-2.0, 4.0)
     skew_mm: tuple[Number, Number] = (0.0, 0.0)
-    turn_deg: Triple = (0.0, 0.0, 0.0)
     upside_down: bool = False
+
+
+class Pass(Look):
+    """One scanning pass: where from, where to, how the scanner looks at the edge and how the robot moves."""
+
+    from_mm: Number
+    to_mm: Number
+    turn_deg: Triple = (0.0, 0.0, 0.0)
     motion: Motion = "two_poses"
     follow: Literal["line", "edge"] = "line"
 

@@ -13,11 +13,18 @@ from pydantic import Field, model_validator
 
 from workbench.synthetic.recipe import (
     Along,
+    Burr,
+    Clamp,
     Course,
+    GrazingNoise,
+    Headed,
+    Look,
+    Motion,
     NonNegative,
     Number,
     Placement,
     Positive,
+    Profiler,
     RecordedRobot,
     Share,
     Strict,
@@ -25,7 +32,6 @@ from workbench.synthetic.recipe import (
 )
 
 Small = Annotated[float, Field(ge=0, le=5)]
-Pair = tuple[Number, Number]
 _MOST_FRAMES = 200_000
 
 
@@ -59,13 +65,10 @@ class Spine(Strict):
         return self
 
 
-class EdgeBurr(Strict):
+class EdgeBurr(Burr):
     """Material along an edge: `in_plane` prolongs the root face beyond it, `out_of_plane` stands out of the face."""
 
-    edge: Literal["lower", "upper"] = "lower"
     direction: Literal["in_plane", "out_of_plane"] = "out_of_plane"
-    from_mm: Number
-    to_mm: Number
     height_mm: Annotated[float, Field(gt=0, le=2)] = 0.2
     width_mm: Annotated[float, Field(gt=0, le=2)] = 0.2
     ragged: Annotated[float, Field(ge=0, le=1)] = 0.5
@@ -82,13 +85,10 @@ class Ghost(Strict):
     probability: Annotated[float, Field(ge=0, le=1)] = 1.0
 
 
-class Block(Strict):
+class Block(Clamp):
     """A clamp: a box round the edge from `from_mm` to `to_mm`."""
 
-    from_mm: Number
-    to_mm: Number
     reach_in_mm: Positive = 30.0
-    reach_out_mm: Positive = 6.0
     height_mm: Positive = 12.0
 
 
@@ -163,47 +163,28 @@ class SweptPart(Strict):
             raise ValueError("land_mm must not fall to 0 along the edge of a nose, nor below 0 of a J")
 
 
-class SweptNoise(Strict):
-    """Noise of the ranges: `sd_mm` cos(incidence)^-`grazing_power`, at most `grazing_cap` times; neighbours share
-    `column_correlation`; `pattern_share` of the variance stays the same in every frame; `speckle` is the contrast.
+class SweptNoise(GrazingNoise):
+    """Noise of the ranges: neighbours share `column_correlation`; `pattern_share` of the variance stays the same in
+    every frame; `speckle` is the contrast.
     """
 
-    sd_mm: NonNegative = 0.012
-    grazing_power: Annotated[float, Field(ge=0, le=4)] = 0.5
-    grazing_cap: Annotated[float, Field(ge=1, le=20)] = 3.0
     column_correlation: Annotated[float, Field(ge=0, le=0.99)] = 0.0
     pattern_share: Annotated[float, Field(ge=0, le=1)] = 0.0
     speckle: Annotated[float, Field(ge=0, le=1)] = 0.2
 
 
-class SweptScanner(Strict):
-    """Laser at the origin, camera `baseline_mm` off along y; the columns' lines in the laser plane meet `apex_mm`
-    behind the laser (null: they are parallel). `footprint`: width of the strip that a column sees, in columns.
+class SweptScanner(Profiler):
+    """The columns' lines in the laser plane meet `apex_mm` behind the laser (null: they are parallel). `footprint`:
+    width of the strip that a column sees, in columns.
     """
 
     columns: Annotated[int, Field(ge=16, le=4096)] = 600
-    pitch_mm: Positive = 0.05
     apex_mm: Positive | None = 40.0
-    x_rises: bool = True
-    z_away: bool = True
-    zero_range_mm: Number = 0.0
-    standoff_mm: Positive = 150.0
-    near_mm: Positive = 100.0
-    far_mm: Positive = 200.0
-    baseline_mm: Number = 60.0
     max_incidence_deg: Annotated[float, Field(gt=0, lt=90)] = 84.0
     footprint: Annotated[float, Field(ge=0, le=4)] = 1.0
     least_fill: Annotated[float, Field(gt=0, le=1)] = 0.5
     mixed_share: Annotated[float, Field(ge=0, le=1)] = 0.5
     noise: SweptNoise = SweptNoise()
-    quantum_mm: NonNegative = 0.0
-    intensity: bool = False
-
-    @model_validator(mode="after")
-    def _sound(self) -> SweptScanner:
-        if not self.near_mm < self.standoff_mm < self.far_mm:
-            raise ValueError("near_mm < standoff_mm < far_mm must hold")
-        return self
 
 
 class Losses(Strict):
@@ -220,19 +201,13 @@ class Losses(Strict):
     outlier_reach_mm: Positive = 5.0
 
 
-class Way(Strict):
+class Way(Look):
     """One pass: s at which it starts, turns back or ends, and how the scanner looks at the edge."""
 
     way_mm: Annotated[tuple[Number, ...], Field(min_length=2, max_length=50)]
-    elevation_deg: Annotated[float, Field(gt=-90, lt=180)] = 40.0
-    oblique_deg: Annotated[float, Field(ge=-30, le=30)] = 0.0
-    lead_deg: Annotated[float, Field(ge=-30, le=30)] = 0.0
-    aim_mm: Pair = (-2.0, 4.0)
-    skew_mm: Pair = (0.0, 0.0)
     sway_deg: Triple = (0.0, 0.0, 0.0)
     sway_wavelength_mm: Positive = 60.0
-    upside_down: bool = False
-    motion: Literal["two_poses", "stream", "stop_and_go"] = "stream"
+    motion: Motion = "stream"
     follow: Literal["line", "edge", "section"] = "edge"
 
     @model_validator(mode="after")
@@ -326,15 +301,12 @@ class GroovePart(Strict):
         return self
 
 
-class ScanRecipe(Strict):
+class ScanRecipe(Headed):
     """What all recipes of this simulator share."""
 
     simulator: Literal["swept"]
     format: Literal["bevel-recipe"] = "bevel-recipe"
-    version: Literal[1] = 1
-    title: str = ""
     part_id: str | None = None
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     scanner: SweptScanner = SweptScanner()
     losses: Losses = Losses()
     robot: SweptRobot = SweptRobot()

@@ -7,12 +7,10 @@ from typing import Any
 import numpy as np
 
 from bench.drawn.seeds import generator
+from bench.simulators.swept.truth import local_plane
 from workbench.geometry.poses import rotation_from_vector
 from workbench.synthetic.workpiece import build_surface, pose
 from workbench.units import DEG, Float
-
-LOCAL_MM = 10.0  # a rough end face is its least-squares plane over this much to both sides
-
 
 MOST_TURNED_DEG = 10.0  # of `upper_side`, which a user knows roughly
 
@@ -46,19 +44,11 @@ def local_face(truth: Any) -> tuple[Float, Float, Float, Float]:
     height = np.zeros((len(u), len(share)))
     for amplitude, along, over, phase in waves:
         height += amplitude * np.cos(along * u[:, None] + over * share * width[:, None] + phase)
-    wide = round(2 * LOCAL_MM / float(np.median(np.diff(u)))) + 1
-    v = share - 0.5
-    mean, slope = _running(height.mean(axis=1), wide), _running(height @ v / (v @ v), wide)
-    lean = np.arctan2(slope, width)[:, None]
+    low, high = local_plane(height, float(np.median(np.diff(u))))
+    lean = np.arctan2(high - low, width)[:, None]
     return (
-        truth.position_mm + (mean - slope / 2)[:, None] * truth.normal,
+        truth.position_mm + low[:, None] * truth.normal,
         np.cos(lean) * truth.normal - np.sin(lean) * truth.across,
         np.cos(lean) * truth.across + np.sin(lean) * truth.normal,
-        upper + (mean + slope / 2)[:, None] * truth.normal,
+        upper + high[:, None] * truth.normal,
     )
-
-
-def _running(values: Float, wide: int) -> Float:
-    window = np.ones(wide)  # the face ends with the part
-    inside = np.convolve(np.ones(len(values)), window, mode="full")[wide // 2 : wide // 2 + len(values)]
-    return np.convolve(values, window, mode="full")[wide // 2 : wide // 2 + len(values)] / inside

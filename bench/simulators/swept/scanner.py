@@ -108,14 +108,8 @@ class Relief:
 
     def at(self, s: Float, across_mm: Float) -> Float:
         """Heights at places of the face, bilinear."""
-        x, y = s / self.step_mm, across_mm / self.step_mm
-        i, j = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-        f, g = x - i, y - j
-        p, q = self.field.shape
-        i, j, k, m = i % p, j % q, (i + 1) % p, (j + 1) % q
-        low = self.field[i, j] * (1 - f) + self.field[k, j] * f
-        high = self.field[i, m] * (1 - f) + self.field[k, m] * f
-        return np.asarray(low * (1 - g) + high * g)
+        place = np.stack(np.broadcast_arrays(s, across_mm)) / self.step_mm
+        return np.asarray(scipy.ndimage.map_coordinates(self.field, place, order=1, mode="grid-wrap"))
 
 
 def gaussian_relief(sd_mm: float, correlation_mm: float, size: tuple[int, int], rng: np.random.Generator) -> Relief:

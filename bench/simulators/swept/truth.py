@@ -138,16 +138,23 @@ def _fitted_relief(relief: Relief, s: Float, lower: Float, upper: Float) -> Floa
     """Shift `lower` and `upper` to the face's local least-squares plane, in place; its lean (n,) in rad."""
     share = np.linspace(0.0, 1.0, 64)
     b = lower[:, 1:] + share * (upper[:, 1:] - lower[:, 1:])
-    height = relief.at(s[:, None], b)
-    width = b[:, -1] - b[:, 0]
-    wide = round(2 * LOCAL_MM / STATION_MM) + 1
-    v = share - 0.5
-    inside = scipy.ndimage.uniform_filter1d(np.ones(len(s)), wide, mode="constant")  # the face ends with the part
-    mean = scipy.ndimage.uniform_filter1d(height.mean(axis=1), wide, mode="constant") / inside
-    slope = scipy.ndimage.uniform_filter1d(height @ v / (v @ v), wide, mode="constant") / inside  # per width
-    lower[:, 0] += mean - slope / 2
-    upper[:, 0] += mean + slope / 2
-    return np.asarray(np.arctan2(slope, width))
+    low, high = local_plane(relief.at(s[:, None], b), STATION_MM)
+    lower[:, 0] += low
+    upper[:, 0] += high
+    return np.asarray(np.arctan2(high - low, b[:, -1] - b[:, 0]))
+
+
+def local_plane(height: Float, station_mm: float) -> tuple[Float, Float]:
+    """Where the least-squares plane of heights (n, k), k places across a face, lies at its lower and upper edge (n,).
+
+    Of each station over `LOCAL_MM` to both sides; the face ends with the part.
+    """
+    wide = round(2 * LOCAL_MM / station_mm) + 1
+    v = np.linspace(-0.5, 0.5, height.shape[1])
+    inside = scipy.ndimage.uniform_filter1d(np.ones(len(height)), wide, mode="constant")
+    columns = height.mean(axis=1), height @ v / (v @ v)
+    mean, slope = (scipy.ndimage.uniform_filter1d(one, wide, mode="constant") / inside for one in columns)
+    return mean - slope / 2, mean + slope / 2
 
 
 def _seen(s: Float, seen_s: list[Float], recipe: ScanRecipe, curve: Curve) -> Bool:

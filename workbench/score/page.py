@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from workbench.marks import GREY, INK, TOLERANCE, Lettering
+from workbench.pieces import table_html
 from workbench.plot import Figure
 from workbench.report.html import policy
 from workbench.report.text import source
@@ -59,16 +60,17 @@ def card_html(card: Mapping[str, Any], svg: bytes) -> bytes:
     """One page that needs nothing else: the table, the picture, and what the columns mean."""
     told = [card["track"], card["set"], f"benchmark {card['benchmark']}" if card["benchmark"] else None]
     where = html.escape(", ".join(str(word) for word in told if word))
-    rows = "".join(
-        f"<tr><th>{html.escape(name)}</th>"
-        + "".join(
-            f"<td>{'' if one[key] is None else format(scale * one[key], f'.{digits}f')}</td>"
-            for key, (_, scale, digits) in COLUMNS.items()
-        )
-        + "</tr>"
+    rows = [
+        [
+            name,
+            *(
+                "" if one[key] is None else f"{scale * one[key]:.{digits}f}"
+                for key, (_, scale, digits) in COLUMNS.items()
+            ),
+        ]
         for name, one in card["quantities"].items()
-    )
-    head = "<th>value</th>" + "".join(f"<th>{html.escape(text)}</th>" for text, _, _ in COLUMNS.values())
+    ]
+    table = table_html(["value", *(text for text, _, _ in COLUMNS.values())], rows)
     score = "" if card["score"] is None else f"{card['score']:.4f}"
     unknown = f"<p>{len(card['unknown_recordings'])} recordings are not of this truth.</p>"
     seconds = "" if card["seconds_median"] is None else f"; median {card['seconds_median']:.2f} s a recording"
@@ -79,8 +81,7 @@ def card_html(card: Mapping[str, Any], svg: bytes) -> bytes:
         f"<style>{style}</style></head><body><main><h1>{name}: {score}</h1>"
         f"<p>{where}; {card['recordings']} recordings{seconds}. The score is the mean over the quantities of the "
         "interval score over the price of a refusal: 0 is perfect, 1 is what refusing everything costs.</p>"
-        f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
-        f"{unknown if card['unknown_recordings'] else ''}{svg.decode()}"
+        f"{table}{unknown if card['unknown_recordings'] else ''}{svg.decode()}"
         "<p>Interval score of a value with error e and standard uncertainty u: 2 k u + 40 max(0, |e| - k u), k = 1.96; "
         "missing: 1 mm or 2 deg. Honest: 95 % within U = 2u. Sharp: a small U.</p></main></body></html>\n"
     ).encode()

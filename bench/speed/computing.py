@@ -15,7 +15,6 @@ import numpy as np
 from bench.calibration.sphere_truth import cell_of, circles, recorded_poses
 from bench.drawn.spheres import random_sphere_recipe
 from bench.harness import ROOT
-from bench.speed.long_edge import long_raw_edge
 from bench.speed.recordings import simulated, small_parts
 from bench.speed.timing import Row, median_s, peak_gb
 from workbench import cloud, edge, inspect, scan
@@ -59,9 +58,10 @@ def inspecting(folder: Path) -> Iterator[Row]:
         yield Row(f"peak memory, {million} M points", peak_gb(*command), "GB", goal=2.5)
 
 
-def planning(_: Path) -> Iterator[Row]:
+def planning(folder: Path) -> Iterator[Row]:
     """A raw edge of 5 m to its program: ten layers in 12 mm of thickness."""
-    raw, points = long_raw_edge(5000.0)
+    points = cloud.denoise(scan.fuse(scan.read(recording=simulated(50, folder, raw=True))))
+    raw = edge.segment_raw(points, upper_side=(0.0, 0.0, 1.0))
 
     def planned() -> Toolpath:
         return feed(layers(raw, points, depth_of_cut_mm=0.7), points, raw)

@@ -1,4 +1,4 @@
-"""The recordings that are measured: milled edges by the project's own simulator.
+"""The recordings that are measured, by the project's own simulator.
 
 Every frame is simulated by itself, with noise, outliers, dropouts and mixed pixels; nothing is repeated.
 """
@@ -19,8 +19,8 @@ MARGIN_MM = 10.0  # of the part before and after what is scanned
 PART_MM, ROOT_SPREAD_MM, BEVEL_SPREAD_DEG, DRIFT_MM = 60.0, 0.05, 0.15, 0.1  # small parts; drift over all of them
 
 
-def recipe(seed: int, scanned_mm: float, root_mm: Any, bevel_deg: Any, scanner: Any, pitch_mm: float) -> Any:
-    """A straight plate, both sizes drifting; one oblique pass on a straight uniform motion."""
+def recipe(seed: int, scanned_mm: float, part: Any, scanner: Any, pitch_mm: float) -> Any:
+    """A plate and one oblique pass along it, on a straight uniform motion."""
     return {
         "format": "bevel-recipe",
         "version": 1,
@@ -28,11 +28,10 @@ def recipe(seed: int, scanned_mm: float, root_mm: Any, bevel_deg: Any, scanner: 
         "seed": seed,
         "part": {
             "length_mm": scanned_mm + 2 * MARGIN_MM,
-            "root_mm": root_mm,
-            "bevel_deg": bevel_deg,
             "table_gap_mm": 25,
             "base_from_part": {"position_mm": [1450, -320, 760], "rpy_deg": [35, 2.5, -1.5]},
-        },
+        }
+        | part,
         "scanner": {"near_mm": 120, "far_mm": 190} | scanner,
         "robot": {"frame_pitch_mm": pitch_mm, "pose_noise_mm": 0.02, "pose_noise_deg": 0.002},
         "disturbances": {
@@ -55,15 +54,22 @@ def recipe(seed: int, scanned_mm: float, root_mm: Any, bevel_deg: Any, scanner: 
     }
 
 
-def simulated(million_points: int, folder: Path) -> Path:
-    """A frame every 0.1 mm, 1,000 columns: 50 million points are 5 m of edge. Kept if it is there."""
-    path = folder / f"{million_points}m.h5"
+def simulated(million_points: int, folder: Path, raw: bool = False) -> Path:
+    """A frame every 0.1 mm, 1,000 columns: 50 million points are 5 m of edge. Kept if it is there.
+
+    Milled and straight, both sizes drifting, or the end face of a raw plate of 12 mm, on an arc of 10 m.
+    """
+    path = folder / f"{million_points}m{'_raw' * raw}.h5"
     if not path.exists():
         scanned_mm = (million_points * 1_000_000 // COLUMNS - 1) * FRAME_PITCH_MM
         root = {"start": 1.46, "end": 1.58, "amplitude": 0.04, "wavelength_mm": 45}
         bevel = {"start": 39.85, "end": 40.1, "amplitude": 0.1, "wavelength_mm": 70}
-        scanner = {"columns": COLUMNS, "pitch_mm": 0.03}
-        write_simulation(parse_recipe(recipe(1, scanned_mm, root, bevel, scanner, FRAME_PITCH_MM)), path)
+        part: dict[str, Any] = {"root_mm": root, "bevel_deg": bevel}
+        if raw:
+            part = {"kind": "raw", "thickness_mm": 12, "curve": {"shape": "arc", "radius_mm": 10_000}}
+        document = recipe(1, scanned_mm, part, {"columns": COLUMNS, "pitch_mm": 0.03}, FRAME_PITCH_MM)
+        document["passes"][0] |= {"motion": "stream", "follow": "edge"} if raw else {}
+        write_simulation(parse_recipe(document), path)
     return path
 
 
@@ -74,9 +80,8 @@ def small_parts(count: int, folder: Path) -> Iterator[Path]:
         root_mm = 1.45 + DRIFT_MM * number / count + ROOT_SPREAD_MM * rng.normal()
         root = {"start": root_mm, "end": root_mm - 0.08, "amplitude": 0.06, "wavelength_mm": 50}
         bevel_deg = 40.0 + BEVEL_SPREAD_DEG * rng.normal()
-        bevel = {"start": bevel_deg, "end": bevel_deg + 0.1}
+        sizes = {"root_mm": root, "bevel_deg": {"start": bevel_deg, "end": bevel_deg + 0.1}}
         path = folder / f"part-{number:04d}.h5"
-        write_simulation(
-            parse_recipe(recipe(number, PART_MM, root, bevel, {"columns": 300, "pitch_mm": 0.1}, 0.5)), path
-        )
+        document = recipe(number, PART_MM, sizes, {"columns": 300, "pitch_mm": 0.1}, 0.5)
+        write_simulation(parse_recipe(document), path)
         yield path

@@ -48,7 +48,7 @@ def columns(r: Recording, at: Any) -> Recording:
 
 
 def told(r: Recording, place_mm: Float, turn: Float, **changes: Any) -> Recording:
-    """A pose a frame: places (n, 3) and rotations (n, 3, 3) of the flange in the base."""
+    """One pose per frame: places (n, 3) and rotations (n, 3, 3) of the flange in the base."""
     return with_values(
         r,
         robot_time_s=r.time_s,

@@ -90,7 +90,7 @@ def json_slip(error: json.JSONDecodeError) -> str:
 
 
 def strict_json(document: Mapping[str, Any]) -> bytes:
-    """A JSON object, one member a line, one entry a line in a list of objects; NaN becomes null."""
+    """A JSON object, one member per line, one entry a line in a list of objects; NaN becomes null."""
     members = (f"{json.dumps(key)}: {_lines(plain(value))}" for key, value in document.items())
     return ("{\n  " + ",\n  ".join(members) + "\n}\n").encode()
 

@@ -29,7 +29,7 @@ def with_linearity(recording: Recording, rng: np.random.Generator) -> Recording:
 
 
 def with_robot_error(recording: Recording, rng: np.random.Generator, strength_mm: float, length_mm: float) -> Recording:
-    """Recorded positions off by a Gaussian process along the way: a pose a frame, each axis for itself."""
+    """Recorded positions off by a Gaussian process along the way: one pose per frame, each axis for itself."""
     poses = flange_poses(recording)
     place = poses[:, :3, 3].copy()
     for number in np.unique(recording.pass_index):

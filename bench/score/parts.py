@@ -72,7 +72,7 @@ GROUPS = {
         {},
     ),
     "below": Group("as worn, but for burrs, seen at -20 to 5 deg; the upper side is declared", "below", {}),
-    "odd": Group("odd parts and faults of a shop, a kind a seed", "odd", {}),
+    "odd": Group("odd parts and faults of a shop, one kind per seed", "odd", {}),
     "raw": Group("raw edges: place along n and m, axis, heading; robot errors as a process", "raw", {}),
     "raw_undeclared": Group(
         "the same recordings, nothing said of the robot", "raw", {"robot_noise_mm": None, "robot_noise_length_mm": None}

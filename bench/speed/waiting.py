@@ -167,7 +167,7 @@ def _send(path: Path, grown: Path) -> None:
 
 
 def importing(folder: Path) -> Iterator[Row]:
-    """50 million points of a table, a row a point, and a table of poses: processor seconds and peak memory, once."""
+    """50 million points of a table, a point per row, and a table of poses: processor seconds and peak memory, once."""
     with tempfile.TemporaryDirectory() as name:
         tables = Path(name)
         frames = _write_tables(simulated(MILLION, folder), tables)

@@ -54,7 +54,7 @@ def test_a_time_that_changes_within_a_frame_names_its_line(
     path.write_text("n,t,x,z,i\n" + "1,0.5,1,1,1\n" * 20 + "1,0.6,1,1,1\n")
     monkeypatch.setattr(texts, "SLAB_BYTES", slab_bytes)
     monkeypatch.setattr(texts, "HEAD_BYTES", 64)
-    with pytest.raises(InputError, match=r"line 22: column 't': expected one value a frame, found 0.6"):
+    with pytest.raises(InputError, match=r"line 22: column 't': expected one value per frame, found 0.6"):
         read(path, MAPPING)
 
 

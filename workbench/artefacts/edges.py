@@ -145,7 +145,7 @@ class Characteristic:
     ((1.5, 2.5), ('pass', 'fail'))
     """
 
-    quantity: Quantity  # (n,) a value a section; NaN where it was not measured
+    quantity: Quantity  # (n,) one value per section; NaN where it was not measured
     term: str  # of ISO 9692-1 or ISO 17659
     letter: str  # of ISO 9692-1; '–' where it has none
     required: tuple[float, tuple[float, float]] | None = None  # nominal, deviations lower <= 0 <= upper; None: nothing
@@ -226,7 +226,7 @@ class JointInspection(ABC):
         """What is required, as result files tell it."""
 
     def more_html(self) -> str:
-        """Verdict and reason, and a row a section: each size with U = 2 u."""
+        """Verdict and reason, and one row per section: each size with U = 2 u."""
         found = self.characteristics
         head = ["section", *(f"{one.term}, {'°' if one.is_angle else 'mm'}" for one in found), "verdict"]
         pairs = zip(*(one.pairs for one in found), strict=True)
@@ -267,7 +267,7 @@ class JointInspection(ABC):
         return tuple(row for row in rows if any(isinstance(u, float) and u > 0.0 for u in row.values()))
 
     def table(self) -> Any:
-        """A row a section: a pandas DataFrame where pandas is installed, else a list of dicts."""
+        """One row per section: a pandas DataFrame where pandas is installed, else a list of dicts."""
         return rows_table(
             [
                 {"index": s.index, "arc_length_mm": s.arc_length_mm, **s.values, "verdict": s.verdict}
@@ -276,7 +276,7 @@ class JointInspection(ABC):
         )
 
     def rows(self) -> list[dict[str, Any]]:
-        """A row a section, for others' tables: place in the base, sizes with their u, verdict; None: hidden."""
+        """One row per section, for others' tables: place in the base, sizes with their u, verdict; None: hidden."""
         return [
             {
                 "section": s.index,

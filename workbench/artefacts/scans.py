@@ -110,7 +110,7 @@ class PlannedScan:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cloud:
-    """An organised point cloud: the scanner's grid (frame x column), a pose a frame and what is kept.
+    """An organised point cloud: the scanner's grid (frame x column), one pose per frame and what is kept.
 
     Base coordinates of point (i, j) are `base_from_profiler[i] @ (x, 0, z, 1)`; they are computed where needed
     (`workbench.geometry.grids.fuse`), since the grid itself is the index that every later stage works on.

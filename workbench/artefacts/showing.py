@@ -168,7 +168,7 @@ class AlongTheEdge:
     __slots__ = ()
 
     def table(self) -> Any:
-        """A row a station: a pandas DataFrame where pandas is installed, else a list of dicts."""
+        """One row per station: a pandas DataFrame where pandas is installed, else a list of dicts."""
         one: Any = self
         named = _xyz("position_mm", one.position_mm) | _xyz("normal", one.normal)
         return columns_table(arc_length_mm=one.arc_length_mm, seen=one.seen, **named)

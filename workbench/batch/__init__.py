@@ -1,4 +1,4 @@
-"""Many parts: one run a part, and the page of the fleet."""
+"""Many parts: one run per part, and the page of the fleet."""
 
 from workbench.batch.run import Batch, run_batch
 

@@ -436,7 +436,7 @@ def least_margin(found: Sequence[Characteristic]) -> tuple[Float, Int]:
 
 
 def parquet(records: Sequence[Record]) -> bytes:
-    """`fleet.parquet`: one row a part and section; one row without a section for a part that has none."""
+    """`fleet.parquet`: one row per part and section; one row without a section for a part that has none."""
     pa, pq = Extra("pyarrow"), Extra("pyarrow.parquet")
     rows = [(order, record, one) for order, record in enumerate(records, 1) for one in (record.sections or ({},))]
     columns: dict[str, Any] = {"order": pa.array([order for order, _, _ in rows], pa.int32())}

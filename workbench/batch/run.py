@@ -1,4 +1,4 @@
-"""A batch: one run a part, then the page of the fleet."""
+"""A batch: one run per part, then the page of the fleet."""
 
 from __future__ import annotations
 

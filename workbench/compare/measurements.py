@@ -77,7 +77,7 @@ def measurements_of(
     """The measurements that a study's file lists; inspections are files, or directories that hold one.
 
     Args:
-        study: CSV, a row an inspection, or a section of a trial with its values.
+        study: CSV, one row per inspection, or per section of a trial with its values.
         characteristics: its columns, where it is other people's: a row is a trial then, as they come where none is
             named.
         columns: what such a table calls part, operator and trial.

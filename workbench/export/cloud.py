@@ -60,14 +60,14 @@ def cloud(
     """Write the fused cloud as `cloud.ply` (or pcd, las, laz, e57), each point with its face, frame and column.
 
     In the robot's base. PLY and PCD keep float64 and mm; LAS and LAZ multiples of 1e-5 mm; E57 is in metres (ASTM
-    E2807), one scan a face, float32 about its own origin. Faces: 0 unlabelled, 1 root face (end face), 2 bevel face, 3
-    upper surface, 4 lower surface.
+    E2807), one scan per face, float32 about its own origin. Faces: 0 unlabelled, 1 root face (end face), 2 bevel
+    face, 3 upper surface, 4 lower surface.
 
     Args:
         cloud: the cloud.
         edge: its faces, if they are known.
         format: of the file.
-        organised: pcd: the scanner's grid with NaN, a row a frame, float32 (PCL).
+        organised: pcd: the scanner's grid with NaN, one row per frame, float32 (PCL).
 
     Raises:
         InputError: `organised` with another format than pcd; nothing to write.
@@ -130,7 +130,7 @@ def _las(compressed: bool, table: PointTable) -> bytes:
 
 
 def _e57(table: PointTable) -> bytes:
-    """One scan a face, named after it, in metres about its own origin; frame and column are row and column."""
+    """One scan per face, named after it, in metres about its own origin; frame and column are row and column."""
     pye57 = Extra("pye57")
     if max(int(table.frame.max()), int(table.column.max())) > MOST_E57_ROWS:
         raise InputError(

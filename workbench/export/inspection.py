@@ -50,7 +50,7 @@ def inspection(
     *,
     format: Literal["parquet", "csv"] = "parquet",
 ) -> Document:
-    """Write a row a section as `inspection.parquet` or `inspection.csv`.
+    """Write one row per section as `inspection.parquet` or `inspection.csv`.
 
     In mm and degrees, `_u` for standard uncertainties, `lower` and `upper` as values. Not measured is null (empty in
     CSV). Every row names part and recording (SHA-256).

@@ -42,9 +42,9 @@ def sections(
 ) -> Document:
     """Write every section in its plane as `sections.dxf`, or its points as `section_points.csv`.
 
-    Coordinates are mm from the section's origin, along `normal` and `across`. The DXF holds a block a section: points,
-    fitted lines, corners, sizes with standard uncertainties. The CSV has a row a point (with face, frame and column) or
-    corner, in the base too.
+    Coordinates are mm from the section's origin, along `normal` and `across`. The DXF holds one block per section:
+    points, fitted lines, corners, sizes with standard uncertainties. The CSV has one row per point (with face, frame
+    and column) or corner, in the base too.
 
     Args:
         inspection: the sections.
@@ -75,7 +75,7 @@ def sections(
 
 
 def _write_rows(out: io.StringIO, shape: SectionShape) -> None:
-    """A row a point, then a row a corner."""
+    """One row per point, then one row per corner."""
     section, table = shape.section, shape.points
     start = f"{section.index},{section.arc_length_mm:.6f}"
     columns = (table.face, table.frame, table.column, shape.place_mm, table.position_mm)
@@ -85,7 +85,7 @@ def _write_rows(out: io.StringIO, shape: SectionShape) -> None:
         np.savetxt(out, [(*corner, *place)], f"{start},{name},,,,{PLACE}", newline="\r\n")
 
 
-# Sections as a DXF drawing: a block a section, side by side, in millimetres.
+# Sections as a DXF drawing: one block per section, side by side, in millimetres.
 
 LAYERS = {
     "unlabelled": 9,

@@ -1,7 +1,7 @@
 """Straight faces: a profile as a chain of them, by an optimal partition into lines z = k x + c; one face as lines.
 
 Noise acts along the range axis z, so lines are regressions of z on x (docs/paper.md, eq. (10)). The partition minimises
-the sum of squared residuals over the noise variance, plus a price a line and a price a point left out (dynamic
+the sum of squared residuals over the noise variance, plus one price per line and one price per point left out (dynamic
 programming over all breakpoints; Jackson et al., "An algorithm for optimal partitioning of data on an interval", 2005).
 """
 

@@ -31,7 +31,7 @@ def fuse(
     origin_mm: Shaped[Float, " 3"],
     out: Shaped[Float32, "N M 3"] | None = None,
 ) -> Float32:
-    """Base coordinates, less `origin_mm`, of every grid point: the paper's equation (9), one pose a frame.
+    """Base coordinates, less `origin_mm`, of every grid point: the paper's equation (9), one pose per frame.
 
     Args:
         x_mm, z_mm: (N, M) profiler coordinates, NaN where nothing came back; rows contiguous.

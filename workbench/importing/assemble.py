@@ -222,9 +222,9 @@ def _by_pose(frames: ProfileFrames, poses: PoseStream) -> TimedPass:
     if len(poses.position_mm) != count:
         raise InputError(poses.source, f"expected a pose for each of {count} frames, found {len(poses.position_mm)}")
     if poses.time_s is not None:
-        return TimedPass(poses.time_s, poses, "the poses' own, one pose a frame")
+        return TimedPass(poses.time_s, poses, "the poses' own, one pose per frame")
     time_s = np.arange(float(count))
-    return TimedPass(time_s, replace(poses, time_s=time_s), "none: frames counted, one pose a frame", has_clock=False)
+    return TimedPass(time_s, replace(poses, time_s=time_s), "none: frames counted, one pose per frame", has_clock=False)
 
 
 def _check_rising(poses: PoseStream) -> None:
@@ -277,7 +277,7 @@ def strides(position_mm: Float, least_mm: float) -> Int:
 
 
 def on_linear_axis(frames: ProfileFrames, axis: LinearAxisPart, part: TimesPart | None) -> TimedPass:
-    """A pass of a profiler on a straight axis: a pose a frame, no turn; the base is where the first frame was."""
+    """A pass of a profiler on a straight axis: one pose per frame, no turn; the base is where the first frame was."""
     travel_mm = _travel(frames, part.pitch_mm if part else None)
     way_mm = travel_mm - travel_mm[0]
     position_mm = way_mm[:, None] * np.array(axis.direction) / np.linalg.norm(axis.direction)
@@ -372,7 +372,7 @@ def poses_by_pass(
     """The poses of each pass.
 
     One stream serves all passes (by its own pass numbers where it has them; in order, where `pose_each` says that it
-    has one pose a frame); as many streams as passes serve one each, in the order given.
+    has one pose per frame); as many streams as passes serve one each, in the order given.
 
     Raises:
         InputError: another number of streams, or a pass without poses.

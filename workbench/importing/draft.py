@@ -390,7 +390,7 @@ def _times(tree: Tree, found: Sequence[Imported]) -> list[str]:
         return [f"times.clock_offset_s: the clocks differ; {offset:g} s puts the first frame on the first pose"]
     if poses == count and len(streams) == 1:
         tree["times"] = {"source": "pose_each"}
-        return ["times.source: as many poses as frames: one pose a frame"]
+        return ["times.source: as many poses as frames: one pose per frame"]
     if frames.travel_mm is not None:
         tree["times"] = {"source": "travel", "start_mm": float(frames.travel_mm[0])}
         return ["times.start_mm: the travel at the first frame is taken as that at the first pose"]

@@ -39,7 +39,7 @@ def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
 
 
 def read(path: Path, mapping: Mapping) -> Imported:
-    """The surfaces, a profile a row; the way along the scan is y.
+    """The surfaces, one profile per row; the way along the scan is y.
 
     Raises:
         InputError: another version, no surface, a grid that is not as large as it says, a cell that is no number.

@@ -1,4 +1,4 @@
-"""What kind of file a source is: one reader a kind, asked in turn."""
+"""What kind of file a source is: one reader per kind, asked in turn."""
 
 from __future__ import annotations
 

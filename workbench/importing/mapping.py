@@ -45,7 +45,7 @@ class TimesPart(Part):
     """When each frame was taken, and on whose clock."""
 
     source: Literal["file", "rate", "travel", "pose_each"] = Field(
-        description="the file's times; a frame rate; way along the scan against the flange's; one pose a frame"
+        description="the file's times; a frame rate; way along the scan against the flange's; one pose per frame"
     )
     rate_hz: float | None = Field(default=None, gt=0, description="frames a second, for 'rate'")
     start_s: float | Literal["first_pose"] | None = Field(

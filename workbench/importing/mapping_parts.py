@@ -93,7 +93,7 @@ class TimedPart(TextPart):
 
 
 class ProfileColumns(Part):
-    """Which column of a table holds what: one row a point."""
+    """Which column of a table holds what: one row per point."""
 
     x: Column = Field(description="lateral coordinate")
     z: Column = Field(description="range")
@@ -106,13 +106,13 @@ class ProfileColumns(Part):
 
 
 class ProfilesPart(TextPart):
-    """A table of profile points, one row a point; or of ranges, one row a frame."""
+    """A table of profile points, one row per point; or of ranges, one row per frame."""
 
     frames: Literal["column", "blank_lines", "restart", "one", "rows"] = Field(
-        description="how frames are separated: columns.frame, blank lines, x that starts anew, one frame a file, "
-        "a frame a row of ranges"
+        description="how frames are separated: columns.frame, blank lines, x that starts anew, one frame per file, "
+        "one frame per row of ranges"
     )
-    columns: ProfileColumns | None = Field(default=None, description="for a row a point")
+    columns: ProfileColumns | None = Field(default=None, description="for one row per point")
     x_first: float | None = Field(default=None, description="x of the first range in a row, for 'rows'")
     x_pitch: float | None = Field(default=None, description="x from one range to the next, for 'rows'")
     missing: list[float] = Field(default=[], description="values of x or z that mean no return, besides an empty cell")

@@ -1,4 +1,4 @@
-"""A profile in OpenCV's file storage, YAML: points x, 0, z one after another, or a matrix with a row a point."""
+"""A profile in OpenCV's file storage, YAML: points x, 0, z one after another, or a matrix with one row per point."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
 
 
 def _read_points(path: Path, part: ProfilesPart) -> Imported:
-    """One row a point."""
+    """One row per point."""
     unit = LENGTH_MM[part.length_unit]
     points, values = Points(), FrameValues(part)
     table = None
@@ -82,7 +82,7 @@ def _intensities(table: Table) -> AnyArray:
 
 
 class FrameValues:
-    """Where frames begin, and what has one value a frame, stretch by stretch."""
+    """Where frames begin, and what has one value per frame, stretch by stretch."""
 
     def __init__(self, part: ProfilesPart) -> None:
         self.part, self.second_line = part, 1
@@ -108,7 +108,7 @@ class FrameValues:
         return first
 
     def of(self, role: str, unit: float) -> Float | None:
-        """A value a frame; None where the table has none."""
+        """One value per frame; None where the table has none."""
         return np.concatenate(self._values[role]) * unit if self._values[role] else None
 
     def _first(self, table: Table) -> Bool:
@@ -131,7 +131,7 @@ class FrameValues:
         changed = ~first & (self._step(values, role) != 0)
         if changed.any():
             row = int(changed.argmax())
-            what = f"column {table.names[role]}: expected one value a frame, found {values[row]:g}"
+            what = f"column {table.names[role]}: expected one value per frame, found {values[row]:g}"
             raise InputError(table.place(row), what)
 
 

@@ -115,7 +115,7 @@ def _positions(path: Path, part: TrackerPart) -> TrackerReadings:
 
 
 def _by_columns(path: Path, part: TrackerPart) -> TrackerReadings:
-    """A row a posture with the places of all targets; an empty place is no reading."""
+    """One row per posture with the places of all targets; an empty place is no reading."""
     assert part.targets is not None
     table, count = read_table(path, part), len(part.targets)
     roles = [f"{k} {axis}" for k in range(count) for axis in "xyz"]

@@ -68,7 +68,7 @@ def numbers_alone(form: Form, source: str) -> Seen:
         lines.append(f"  and {len(names) - MOST_COLUMNS} more")
     hint = (
         "a recording needs x and z of points, or x, y, z and an orientation, or joints: name the columns in a "
-        "mapping (docs/importing.md); a gauge study with a row a trial: stage compare.study (docs/comparison.md)"
+        "mapping (docs/importing.md); a gauge study with one row per trial: stage compare.study (docs/comparison.md)"
     )
     frame, nothing = "no frame: columns as they stand", np.zeros((0, 3))
     return Seen(source, "table of numbers", frame, tuple(lines), nothing, (), hints=(hint,))

@@ -207,7 +207,7 @@ def placed(x_mm: AnyArray, z_mm: AnyArray, base_from_profiler: Float) -> Float:
 
 
 def _held(recording: Recording) -> Float:
-    """A pose a pass, its middle one, where the frames' times cannot be compared with the poses'."""
+    """One pose per pass, its middle one, where the frames' times cannot be compared with the poses'."""
     out = np.empty((len(recording.time_s), 4, 4))
     for number in np.unique(recording.pass_index):
         of_pass = np.flatnonzero(recording.robot_pass == number)

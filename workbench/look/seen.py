@@ -177,7 +177,7 @@ def told_profile(profile: Profile) -> list[str]:
 @shown
 @dataclass(frozen=True, slots=True, eq=False)
 class Shade:
-    """A value a point, by which the view may be coloured."""
+    """One value per point, by which the view may be coloured."""
 
     name: str  # with its unit
     values: Shaped[Float, " n"]

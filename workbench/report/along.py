@@ -312,7 +312,7 @@ def plan_view(cloud: Cloud, edge: Edge, inspection: Inspection) -> PlanView:
 
 
 def _band(frame: Int, laid_out_mm: Float) -> tuple[Float, Float, Float]:
-    """Arc length, lowest and highest v of a face in one pass, a value a frame; NaN where frames leave a gap."""
+    """Arc length, lowest and highest v of a face in one pass, one value per frame; NaN where frames leave a gap."""
     first = np.flatnonzero(np.diff(frame, prepend=-1))
     s, low, high = (
         reduce.reduceat(laid_out_mm[:, k], first) for reduce, k in ((np.minimum, 0), (np.minimum, 2), (np.maximum, 2))

@@ -123,7 +123,7 @@ def _rework_path(rework: Rework | None) -> str:
 
 
 def _engaged(engagement: Engagement) -> Iterator[tuple[str, ...]]:
-    """A row a layer: greatest radial depth, axial depth and chip area, and the share of points that cut."""
+    """One row per layer: greatest radial depth, axial depth and chip area, and the share of points that cut."""
     for layer in engagement.layers:
         greatest = (
             f"{np.nanmax(each, initial=0.0):.{places}f}"

@@ -237,7 +237,7 @@ def move_rows(moves: Moves | None) -> Iterator[Row]:
 
 
 def layer_rows(toolpath: Toolpath, run: Run) -> Iterator[tuple[str, ...]]:
-    """A row a layer: index, height, width of its face, length cut, points, feed, time."""
+    """One row per layer: index, height, width of its face, length cut, points, feed, time."""
     for layer in toolpath.layers:
         here = run.layer == layer.index
         width = layer.width_mm[layer.cutting]

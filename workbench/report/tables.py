@@ -48,7 +48,7 @@ HIDDEN = "hidden"  # in place of a value
 
 
 def section_rows(inspection: JointInspection, found: Sequence[Characteristic]) -> list[dict[str, Any]]:
-    """A row a section: some of its sizes with their expanded uncertainties, its verdict."""
+    """One row per section: some of its sizes with their expanded uncertainties, its verdict."""
     columns = [(one.pairs, decimals(pair and pair[1] for pair in one.pairs)) for one in found]
     rows = [
         [HIDDEN if (pair := pairs[k]) is None else measured(pair[0], pair[1], places) for pairs, places in columns]

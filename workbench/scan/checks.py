@@ -101,7 +101,7 @@ def _check_rising(time_s: Float, pass_index: Int, where: str) -> None:
 def _check_covered(where: str, values: dict[str, AnyArray], is_calibration: bool, clock: str) -> None:
     """Every frame's pass has poses, and its time lies within theirs.
 
-    Exempt are postures held still (calibration, one pose a pass: its frames are repeats there) and times on the
+    Exempt are postures held still (calibration, one pose per pass: its frames are repeats there) and times on the
     profiler's own clock, which cannot be compared.
     """
     time_s, number = values["time_s"], values["pass_index"]

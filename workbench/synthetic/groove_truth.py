@@ -16,7 +16,7 @@ PLACES = ("arc_length_mm", "position_mm", "tangent", "normal", "across")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stations:
-    """Places along an edge or a groove; arrays have one row a station."""
+    """Places along an edge or a groove; arrays have one row per station."""
 
     closed: bool
     arc_length_mm: Shaped[Float, " n"]  # along the lower edge, or the groove's middle, from the part's start

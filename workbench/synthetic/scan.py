@@ -181,7 +181,7 @@ def _recorded(recipe: Recipe, base_from_flange: Float, rng: np.random.Generator)
 
 
 def _smooth_error(recipe: Recipe, rng: np.random.Generator, travelled_mm: Float) -> Float:
-    """The robot's smooth error (n, 3) in the base: one sine an axis over the way travelled, in no recorded pose."""
+    """The robot's smooth error (n, 3) in the base: one sine per axis over the way travelled, in no recorded pose."""
     shortest, longest = recipe.robot.smooth_error_wavelength_mm
     wavelength, phase = rng.uniform(shortest, longest, 3), rng.uniform(0, 2 * math.pi, 3)
     return recipe.robot.smooth_error_mm * np.sin(2 * math.pi * travelled_mm[:, None] / wavelength + phase)

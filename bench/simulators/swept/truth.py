@@ -29,7 +29,7 @@ LOCAL_MM = 10.0  # the end face of a rough part is its least-squares plane over 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SweptTruth(Stations):
-    """The part as built, at stations along the virtual lower edge; arrays have one row a station."""
+    """The part as built, at stations along the virtual lower edge; arrays have one row per station."""
 
     recipe: SweptRecipe
     upper_position_mm: Shaped[Float, "n 3"]  # upper edge of the root face, or of the end face of a raw part

@@ -27,7 +27,7 @@ def report(
     *,
     density_g_cm3: Annotated[float, Field(gt=0, le=25, description="of the weld metal, in g/cm³")] = 7.85,
 ) -> tuple[Chapter, Document]:
-    """Tell the groove: area a section, weld metal along the edge; and `weld_groove.csv`, a row a section.
+    """Tell the groove: area a section, weld metal along the edge; and `weld_groove.csv`, one row per section.
 
     Areas in mm2 and their standard uncertainties, empty where the edge is hidden. In the chapter U = 2u.
     """

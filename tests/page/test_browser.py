@@ -58,12 +58,12 @@ def test_the_operator_s_page_waits_measures_and_says_what_next(shop: Shop) -> No
     playwright.expect(todo).to_contain_text("Waiting")
     tab.wait_for_timeout(1000)  # it has seen the empty folder
     (shop.folder / "half.h5").write_bytes(SAMPLE.read_bytes()[:10_000])
-    playwright.expect(verdict).to_have_text("not done")
+    playwright.expect(verdict).to_have_text("failed")
     playwright.expect(todo).to_contain_text("half.h5")
     shutil.copy(SAMPLE, shop.folder / "part-7.h5")
     playwright.expect(verdict).to_have_text("PASS")
     playwright.expect(todo).to_contain_text("P-7")
-    playwright.expect(todo).to_contain_text("Go on with the next part")
+    playwright.expect(todo).to_contain_text("Continue with the next part")
     assert verdict.evaluate("one => parseFloat(getComputedStyle(one).fontSize)") > 80
     tab.close()
 
@@ -78,7 +78,7 @@ def test_a_recording_that_grows_is_drawn_and_then_turns_in_space(shop: Shop) -> 
         drawing = tab.get_by_alt_text("so far")
         while not drawing.is_visible() and shop.client.json("GET", f"/api/runs/{number}")["state"] == "running":
             tab.wait_for_timeout(100)
-        playwright.expect(tab.locator(".verdict")).to_have_text("at work")
+        playwright.expect(tab.locator(".verdict")).to_have_text("running")
         playwright.expect(tab.locator(".step")).to_contain_text("frames so far: ")
         grown.with_suffix(".h5.go").touch()
         playwright.expect(tab.locator(".verdict")).to_have_text("PASS")
@@ -112,7 +112,7 @@ def test_two_files_of_a_stranger_become_a_recording(shop: Shop, tmp_path: Path) 
     tab.get_by_role("button", name="Make the recording").press("Enter")
     playwright.expect(tab.get_by_role("alert")).to_contain_text("Questions are open")
     tab.get_by_label("Name of the recording").fill("scan.h5")
-    for box in tab.get_by_label("It is so").all():
+    for box in tab.get_by_label("Confirmed").all():
         box.press("Space")
     tab.get_by_role("button", name="Make the recording").press("Enter")
     playwright.expect(tab.get_by_role("link", name="Use")).to_be_visible()

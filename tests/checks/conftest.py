@@ -8,7 +8,7 @@ import numpy as np
 
 from bench.drawn.plates import random_recipe
 from workbench.artefacts import Recording
-from workbench.synthetic.simulate import simulate_recording
+from workbench.synthetic import simulate_recording
 
 
 @cache

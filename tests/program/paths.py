@@ -113,12 +113,6 @@ def all_points(path: Toolpath):
     )
 
 
-def targets(program):
-    """Positions (k, 3) and quaternions (k, 4) of a program's targets in space."""
-    poses = np.array([move.pose for move in program.moves if move.pose is not None])
-    return poses[:, :3, 3], Rotation.from_matrix(poses[:, :3, :3]).as_quat(scalar_first=True)
-
-
 def circle(start, via, target):
     """Centre, axis and sweep of the circle from start over via to target: three planes meet in its centre."""
     axis = np.cross(via - start, target - start)

@@ -38,13 +38,14 @@ def cluster(breaking: Path) -> Iterator[Any]:
 
 
 def test_parts_survive_the_death_of_a_worker(cluster: Any, pipeline: Path, record: Write, tmp_path: Path) -> None:
-    paths = [record(f"part-{i}", "slow") for i in range(1, 13)]
+    sound = [f"part-{i}" for i in range(1, 9)]
+    paths = [record(name, "slow") for name in sound]
     paths += [record("bad", "reject"), record("torn", "segfault")]
     out = tmp_path / "out"
 
     def kill_one() -> None:
         until = time.monotonic() + 300
-        while len([*out.glob("*/run.json")]) < 3 and time.monotonic() < until:
+        while len([*out.glob("*/run.json")]) < 2 and time.monotonic() < until:
             time.sleep(0.05)
         victim = next(iter(cluster.workers.values()))
         os.kill(victim.pid, signal.SIGKILL)
@@ -54,14 +55,14 @@ def test_parts_survive_the_death_of_a_worker(cluster: Any, pipeline: Path, recor
     made = run_batch(pipeline, paths, str(out), scheduler=cluster.scheduler_address)
     killer.join()
     outcomes = {one.part: one.outcome for one in made.records}
-    assert outcomes == {f"part-{i}": "passed" for i in range(1, 13)} | {"bad": "rejected", "torn": "crashed"}
+    assert outcomes == dict.fromkeys(sound, "passed") | {"bad": "rejected", "torn": "crashed"}
     limited = {"scheduler": cluster.scheduler_address, "time_limit_s": 2.0}  # alone: others might take as long
     (stuck,) = run_batch(pipeline, [record("stuck", "hang")], str(tmp_path / "limited"), **limited).records
     assert stuck.outcome == "hung"
     assert len(made.records) == len(paths)
     single = tmp_path / "single"
-    run_batch(pipeline, paths[:13], str(single), workers=0)
-    for name in [f"part-{i}" for i in range(1, 13)] + ["bad"]:
+    run_batch(pipeline, [paths[0], paths[8]], str(single), workers=0)
+    for name in (sound[0], "bad"):
         assert {path.name for path in (out / name).iterdir()} == {path.name for path in (single / name).iterdir()}
         for file in ("inspection.json", "report.html"):
             assert (out / name / file).read_bytes() == (single / name / file).read_bytes()

@@ -113,18 +113,23 @@ def test_a_fixture_over_the_edge_shadows_it_and_is_named(tmp_path: Path, shipped
     assert np.abs(hidden.arc_length_mm[unseen] - scan.edge.arc_length_mm[middle]).max() < 40.0
 
 
-def test_what_cannot_be_reached_is_told_with_what_would_help() -> None:
-    scan, file, gate, _ = made(wanted_root_mm=0.02, wanted_bevel_deg=0.005, passes=1)
+@pytest.fixture(scope="module")
+def beyond_reach() -> Made:
+    """A bevel angle that no two passes tell."""
+    return made(wanted_bevel_deg=0.005, passes=2)
+
+
+def test_what_cannot_be_reached_is_told_with_what_would_help(beyond_reach: Made) -> None:
+    scan, file, gate, _ = beyond_reach
     assert not gate.passed
     assert not file.reached
     assert any("bevel_deg" in one for one in scan.binds)
     assert any("without error of linearity" in one for one in scan.would_help)
 
 
-def test_passes_drift_to_either_side_in_turn() -> None:
+def test_passes_drift_to_either_side_in_turn(beyond_reach: Made) -> None:
     """What wrong points undo of one drift they add to the other."""
-    drifts = [one.drift_mm for one in made(wanted_root_mm=0.001, wanted_bevel_deg=0.005, passes=2).plan.passes]
-    assert [np.sign(one) for one in drifts] == [1.0, -1.0]
+    assert [np.sign(one.drift_mm) for one in beyond_reach.plan.passes] == [1.0, -1.0]
 
 
 def test_a_pass_drifts_as_far_as_the_section_has_room(tmp_path: Path) -> None:
@@ -147,22 +152,23 @@ def test_the_plate_and_the_scanner_are_bodies(shipped: Made) -> None:
 
 
 ALONG_MM = (1500.0, 1515.0, 1530.0)
-DRAWN = "".join(f"10\n{x}\n20\n0.0\n" for x in ALONG_MM)
 
 
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [
-        ("edge.dxf", f"0\nSECTION\n2\nENTITIES\n0\nLWPOLYLINE\n38\n800.0\n{DRAWN}0\nENDSEC\n0\nEOF\n"),
-        ("edge.csv", "".join(["x_mm,y_mm,z_mm\n", *(f"{x},0,800\n" for x in ALONG_MM)])),
-    ],
-)
-def test_a_polyline_is_an_edge(tmp_path: Path, name: str, text: str) -> None:
-    drawn = tmp_path / name
-    drawn.write_text(text)
-    found = made(edge=drawn, passes=1).plan.edge
-    assert np.allclose(found.position_mm[[0, -1]], [[1500.0, 0.0, 800.0], [1530.0, 0.0, 800.0]])
-    assert np.allclose(np.abs(found.normal), [0.0, 1.0, 0.0])
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Made]:
+    """A file of 30 mm of a straight edge, and its plan."""
+    line = tmp_path_factory.mktemp("short") / "edge.csv"
+    line.write_text("".join(["x_mm,y_mm,z_mm\n", *(f"{x},0,800\n" for x in ALONG_MM)]))
+    return line, made(edge=line, passes=1)
+
+
+def test_a_polyline_is_an_edge(tmp_path: Path, short: tuple[Path, Made]) -> None:
+    drawn = tmp_path / "edge.dxf"
+    points = "".join(f"10\n{x}\n20\n0.0\n" for x in ALONG_MM)
+    drawn.write_text(f"0\nSECTION\n2\nENTITIES\n0\nLWPOLYLINE\n38\n800.0\n{points}0\nENDSEC\n0\nEOF\n")
+    for found in (short[1].plan.edge, made(edge=drawn, passes=1).plan.edge):
+        assert np.allclose(found.position_mm[[0, -1]], [[1500.0, 0.0, 800.0], [1530.0, 0.0, 800.0]])
+        assert np.allclose(np.abs(found.normal), [0.0, 1.0, 0.0])
 
 
 def sensor(tmp_path: Path, **changes: Any) -> Path:
@@ -196,10 +202,8 @@ def test_bad_input_ends_in_one_line(tmp_path: Path) -> None:
         in_cell(edge=far)
 
 
-def test_a_rough_root_face_is_told_before_anything_moves(tmp_path: Path) -> None:
-    line = tmp_path / "edge.json"
-    line.write_text(json.dumps({"format": "edge-line", "version": 1, "points_mm": [[1500, 0, 800], [1530, 0, 800]]}))
-    smooth, file, *_ = made(edge=line, passes=1)
+def test_a_rough_root_face_is_told_before_anything_moves(short: tuple[Path, Made]) -> None:
+    line, (smooth, file, *_) = short
     rough = made(edge=line, passes=1, roughness_mm=0.05).plan
     assert any("roughness" in one for one in file.not_checked)
     assert np.nanmedian(rough.bevel.u) > 1.5 * np.nanmedian(smooth.bevel.u)

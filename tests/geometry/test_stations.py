@@ -12,7 +12,6 @@ from workbench.geometry.stations import (
     foreign_points,
     frame_stations,
     nearest_stations,
-    needed_heights,
     section_table,
     standing_layers,
 )
@@ -76,19 +75,3 @@ def test_layers_take_what_lies_above_their_face() -> None:
     sure = np.abs(height - 3.0) > 1e-3
     inner = ~np.isin(0.5 * np.arange(80), [9.5, 19.5])[:, None] & sure  # half way between two stations
     np.testing.assert_array_equal(stands[inner], true[inner])
-
-
-def test_needed_height_just_clears_the_points() -> None:
-    rng = np.random.default_rng(4)
-    count, radius, clearance, tip = 40, 5.0, 2.0, 6.0
-    origin = np.stack([np.zeros(count), np.arange(float(count)), np.zeros(count)], axis=1)
-    t, b, z = (np.tile(np.eye(3)[k], (count, 1)) for k in (1, 0, 2))
-    points = np.stack([rng.uniform(-4, 9, 30), rng.uniform(12, 24, 30), rng.uniform(-20, 5, 30)], axis=1)
-    height = needed_heights(points, np.rint(points[:, 1]).astype(int), origin, t, b, z, (radius, clearance, tip))
-    for k in range(count):
-        far = np.abs(points[:, 1] - k) >= radius + clearance
-        if far.all():
-            assert height[k] == -np.inf
-            continue
-        distance = np.hypot(points[:, 0] - height[k] - radius, points[:, 1] - k)  # all lie beside the cutter
-        assert distance.min() == pytest.approx(radius + clearance, abs=1e-9)

@@ -110,7 +110,11 @@ def test_arcs_keep_to_what_controllers_can_do() -> None:
     assert sum(sweeps) > 500
     assert run(path, moves)[0].max() <= 0.01 + 1e-5
     whole = simplify(mill_path(Shape(bend=1 / 50, length_mm=288, layers=1)))
-    assert whole.circular[whole.cutting].sum() == 2
+    cuts = np.flatnonzero(whole.circular & whole.cutting)
+    assert len(cuts) == 2
+    for k in cuts:
+        sweep = circle(whole.position_mm[k - 1], whole.via_position_mm[k], whole.position_mm[k])[2]
+        assert np.degrees(sweep) <= 170
     assert np.isnan(moves.via_position_mm[~moves.circular]).all()
 
 

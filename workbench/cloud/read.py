@@ -40,8 +40,8 @@ def read(
 
     Args:
         file: the cloud; the suffix of its name gives the format.
-        unit: of the coordinates; null: as format (E57: m), reference system (LAS) or head say, else mm, with a warning.
-        part: who and what was measured with what: no format of clouds says so.
+        unit: of the coordinates; null: by format (E57: m), reference system (LAS) or header, else mm, with a warning.
+        part: part, operator and instruments, which cloud formats do not contain.
 
     Raises:
         InputError: an unknown or damaged file, no points, a map in another unit, or a size that no part

@@ -63,11 +63,11 @@ def deviation(
         position_u_mm: standard uncertainty of the scan's place along a normal by robot and fixture. Counts without a
             registration, for a single face, and where passes have no face in common.
         spacing_mm: between the places that are compared.
-        normal_mm: D, diameter of what a normal is taken from.
-        projection_mm: d, diameter of the cylinder that is averaged.
-        depth_mm: largest deviation that is looked for: half the cylinder's length.
+        normal_mm: D, diameter of the neighbourhood of a normal.
+        projection_mm: d, diameter of the averaged cylinder.
+        depth_mm: largest deviation searched for: half the cylinder's length.
         sections: count of sections along the part, as in `inspect.sections`.
-        half_width_mm: on each side of a section what counts for it.
+        half_width_mm: half the width of a section along the part.
 
     Raises:
         InputError: hardly any place of the scan lies at the reference.

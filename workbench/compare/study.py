@@ -170,7 +170,7 @@ def study(
         characteristics: columns of a CSV of any gauge to analyse, one value a trial.
         columns: the CSV's names of `part`, `operator` and `trial`, where they differ.
         limits: lower and upper limit of each of the characteristics, where known.
-        unit: of characteristics whose names end in no unit.
+        unit: of characteristics without a unit in their names.
 
     Raises:
         InputError: unreadable, unbalanced, fewer than two trials, or trials that are copies.

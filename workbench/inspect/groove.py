@@ -185,7 +185,7 @@ def groove_gate(
 
     Args:
         inspection: the judged groove.
-        accept_unjudged: let a part through of which nothing was required.
+        accept_unjudged: pass a part without requirements.
 
     Example:
         >>> from workbench import edge, inspect, scan

@@ -87,7 +87,7 @@ def check(
         workpiece: the part in the pipeline's own twin, whose place is no question.
         v_fast_mm_s: greatest feed; null: not checked.
         acceleration_mm_s2: greatest change of the feed, per time.
-        penetration_mm: how deep the cutter may enter what must remain, besides 3 u of the edge.
+        penetration_mm: how deep the cutter may enter what must remain, in addition to 3 u of the edge.
         rests_milled: the path that this one rests on (a compound bevel's upper one) has been milled.
         touched_mm: points of the part's surface that the robot's tool touched, x, y, z in the base (docs/planning.md,
             "Where the part stands").

@@ -102,13 +102,13 @@ def correct(
         inspection: of the edge after the first cut.
         toolpath: that it was milled along, with its finishing pass (`path.layers`: `finish_allowance_mm`).
         predicted: how far the robot gives way along the first path.
-        repeatability_mm: standard deviation of what the robot does not repeat, each axis (ISO 9283).
+        repeatability_mm: standard deviation of the robot's errors that do not repeat, each axis (ISO 9283).
         repeatability_deg: the same of the tool's tilt.
         repeatability_length_mm: correlation length of both along the path.
-        yield_share: share of the stock's height by which cutter and robot may give way, if not predicted.
+        yield_share: deflection of cutter and robot as a share of the stock's height, if not predicted.
         wear_mm: loss of the cutter's radius between first cut and finishing pass; 0 if changed or measured.
         most_moved_mm: greatest distance of the lower edge from that of the first scan.
-        earlier: the correction.json of the part before of the same batch: what repeats is estimated from all parts;
+        earlier: the correction.json of the previous part of the batch: repeating errors are estimated from all parts;
             null: from this one.
 
     Raises:

@@ -21,7 +21,7 @@ def csv(toolpath: Toolpath, gate: PathGate, cell: RobotCell | None = None) -> Do
 
     In mm and mm/s, unit quaternions w x y z, in the frame of the path; cutting and measured are 1 or 0. Between layers
     the layer is 0 and the arc length empty. Nothing is written where the gate rejects the path or a check was loosened;
-    of a shape only the table is written, as `toolpath.json` is, and the exit status stays 1.
+    a path that is a shape only is written, and the exit status stays 1.
 
     Args:
         toolpath: the path.

@@ -74,7 +74,7 @@ def write(
         procedure: RAPID: name of the procedure that mills.
         tool_name: RAPID: name of the tool data, where the program declares it.
         work_object_name: RAPID: name of the work object, likewise.
-        root_tolerance_mm: of the root face, either way, for the robot's share of it.
+        root_tolerance_mm: of the root face, plus or minus, to judge repeatability and deflection.
 
     Raises:
         InputError: equal names in RAPID; another path's gate; a cell without postures; moves that leave the path

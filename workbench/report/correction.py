@@ -114,7 +114,7 @@ def correction(
     blind: Inspection | None = None,
 ) -> Chapter:
     """The measured loop as a chapter: how the first cut came out beside its plan, what the finishing pass was
-    corrected by, and, where they were inspected, the part as finished beside one that was milled blindly.
+    corrected by, and, where they were inspected, the finished part beside one milled without correction.
 
     Args:
         correction: what `path.correct` found and did.

@@ -182,7 +182,7 @@ def sensitivity(
 ) -> tuple[Chapter, Document]:
     """What each link of the chain contributes to root face and bevel angle, and what to improve first.
 
-    Standard uncertainties of the bevel face's place and direction, milled blindly and with a finishing pass corrected
+    Standard uncertainties of the bevel face's place and direction, milled without and with a finishing pass corrected
     by a measured cut (docs/planning.md, "Error budget of the chain").
 
     Args:
@@ -201,12 +201,12 @@ def sensitivity(
         robot_deg: of its orientation between scan and cut.
         tool_mm: of the tool's measured place, along an axis.
         tool_deg: of its measured axis.
-        turntable_mm: of a point by the turntable's axis; 0: it stands.
+        turntable_mm: of a point by the turntable's axis; 0: it does not move.
         turntable_deg: of the part's direction by it.
         temperature_k: half the range between calibration and cut.
         drift_k: half the range between the two cuts.
         wear_mm: loss of the cutter's radius before it is replaced.
-        inspection: an inspection.json of a like part, whose u replaces inspection_mm and inspection_deg.
+        inspection: an inspection.json of a similar part, whose u replaces inspection_mm and inspection_deg.
         inspection_mm: u of an inspected root face; null: the larger of this scan's and the median of simulated
             inspections (0.044 mm).
         inspection_deg: u of an inspected bevel angle; null: likewise.

@@ -126,9 +126,9 @@ def plate(
 ) -> Cell | None:
     """Make the scan (plate, clamps, fixtures) a collision body of the cell, as boxes of a grid.
 
-    The body `workpiece` replaces the cell file's; it stands on the turntable, else on the base. It is larger than what
-    was seen by up to a cube; what was not seen is not there. The cutter (shapes with `"body": "cutter"`) may touch it.
-    The hand-eye's covariance counts with the part's uncertainty.
+    The body `workpiece` replaces the cell file's; it stands on the turntable, else on the base. It is larger than the
+    scanned surface by up to a cube; what was not scanned is missing. The cutter (shapes with `"body": "cutter"`) may
+    touch it. The hand-eye covariance adds to the part's uncertainty.
 
     Args:
         cell: the robot cell; without one there is nothing to do, nor without a scan.

@@ -32,7 +32,7 @@ def read(*, recording: InputFile, part: PartNames = NO_NAMES, progress: Progress
 
     Args:
         recording: the HDF5 file, `format = "profile-recording"`, version 1.
-        part: who measured what with what, where the file is silent or mistaken.
+        part: part, operator and instruments, where the file lacks them or is wrong.
         progress: called with the fraction read so far.
 
     Raises:

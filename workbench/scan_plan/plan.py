@@ -187,7 +187,7 @@ def plan(
         root_mm: of the nominal joint; null: likewise, else 1.5.
         bevel_deg: of the nominal joint; null: likewise, else 40.
         raw: the edge is (also) scanned before it is milled: the end face and a surface of the plate are in view.
-        root_tolerance_mm: deviations from it, whose width a default U follows.
+        root_tolerance_mm: allowed deviations, which give the default U.
         bevel_tolerance_deg: likewise.
         wanted_root_mm: U (k = 2) of the root face; null: a tenth of the tolerance's width.
         wanted_bevel_deg: of the bevel angle, likewise.
@@ -197,8 +197,8 @@ def plan(
             else smooth.
         frame_rate_hz: of the profiler.
         most_speed_mm_s: of the robot along a pass.
-        tool_stays: the milling tool stays on the flange; false: it is put down.
-        z_away: the profiler counts range away from itself.
+        tool_stays: the milling tool stays on the flange; false: it is removed.
+        z_away: range increases away from the profiler.
 
     Raises:
         InputError: no edge, or out of reach; a sensor file that leaves out what is needed; a nominal joint that cannot

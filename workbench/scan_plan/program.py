@@ -56,9 +56,9 @@ def program(
         plan: the planned scan.
         cell: the robot cell; without one nothing is written.
         controller: as in `program.write`.
-        name: of the programs and their files, the pass behind it.
+        name: of the programs and their files, followed by the pass.
         trigger_signal: digital output that starts the profiler, by name or number (index from 0).
-        ready_signal: digital input (index likewise) that says that it records; null: the program waits.
+        ready_signal: digital input (index likewise) that the profiler is recording; null: the program waits.
         scanner_mass_kg: of all that hangs on the flange; null: the cell's tool, else NOT CHECKED.
         scanner_centre_mm: its centre of gravity in the flange.
 

@@ -1,4 +1,4 @@
-"""An outsider drives programs in fine steps: its own kinematics, arcs, corners and shapes, by numpy and python-fcl.
+"""An outsider drives programs in fine steps: its own kinematics, arcs, corners and shapes, by numpy and coal.
 
 Nothing of `workbench.robot` but the cell's description is used. Many programs are driven side by side: at each step one
 Newton iteration holds for all of them.
@@ -12,11 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import fcl
+import coal
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from workbench.geometry.poses import pose_from
 from workbench.robot import Cell
 from workbench.robot.cell import ON_TURNTABLE, Shape
 from workbench.robot.collision import borne_doubtfully
@@ -25,7 +26,6 @@ from workbench.units import Bool, Float, Int
 STEP_MM, STEP_DEG = 0.5, 0.2
 JUMP = np.radians(15)
 CLOSE_MM, CLOSE_RAD, ROUNDS = 1e-5, 1e-8, 20  # of Newton
-TOGETHER = 8  # places
 CLOSE_SHARE, FINEST = 1e-4, 400_000  # of a limit; even steps of time
 ROUNDING_MM, ROUNDING_RAD = 2e-3, 1e-5  # of a program's digits, for promises
 
@@ -204,14 +204,11 @@ class Outsider:
         told = {pair for pair, text in borne_doubtfully(cell).items() if text in cell.unchecked}  # not driven
         every = {(a, b) for a in range(len(shapes)) for b in range(a + 1, len(shapes))} - told
         pairs = [two for two in sorted(every) if self._may_hit(cell, *two)]
-        around = np.array([np.linalg.norm(_half(shape)) for shape in shapes])
-        first = TOGETHER * (np.arange(len(joints)) // TOGETHER)  # bounds hold at one place in eight
-        away = np.linalg.norm(poses[..., :3, 3] - poses[first, :, :3, 3], axis=2)
-        away += around * np.linalg.norm(poses[..., :3, :3] - poses[first, :, :3, :3], axis=(2, 3))
-        farthest = np.maximum.reduceat(away, np.arange(0, len(joints), TOGETHER))
-        slack = farthest[:, np.array(pairs)].sum(axis=2)
-        near = _near(shapes, poses[::TOGETHER], pairs, within_mm + slack)[first // TOGETHER]
-        return poses, pairs, near
+        one, other = np.array(pairs).T
+        around = np.array([np.linalg.norm(_half(shape)) for shape in shapes])  # of spheres about them
+        middle = poses[..., :3, 3]
+        gap = np.linalg.norm(middle[:, one] - middle[:, other], axis=2)
+        return poses, pairs, gap - around[one] - around[other] <= within_mm
 
     def _may_hit(self, cell: Cell, a: int, b: int) -> bool:
         """Whether an axis moves two shapes against each other, and not by turning one of them within itself.
@@ -244,15 +241,14 @@ class Outsider:
     def least(self, cell: Cell, joints: Float, tables: Float, within_mm: float) -> tuple[float, str]:
         """The least distance of all bodies, if it is less than `within_mm`, and whose; 0: they touch."""
         poses, pairs, near = self._bodies(cell, joints, tables, within_mm)
-        objects = [fcl.CollisionObject(_solid(shape)) for shape in cell.shapes]
+        solids = [_solid(shape) for shape in cell.shapes]
         best, names = np.inf, ""
         for n, p in zip(*np.nonzero(near), strict=True):
-            two = _placed(objects, poses[n], pairs[p])
-            hit = fcl.collide(*two, fcl.CollisionRequest(), fcl.CollisionResult())
-            distance = 0.0 if hit else fcl.distance(*two, fcl.DistanceRequest(), fcl.DistanceResult())
+            i, j = pairs[p]
+            distance = _apart(solids[i], poses[n, i], solids[j], poses[n, j])
             if distance < best:
-                best, names = distance, " and ".join(cell.shapes[i].body for i in pairs[p])
-            if hit:
+                best, names = distance, f"{cell.shapes[i].body} and {cell.shapes[j].body}"
+            if distance == 0.0:
                 break
         return best, names
 
@@ -391,16 +387,16 @@ def _borne_all_around_z(first: tuple[Float, Shape], second: tuple[Float, Shape])
 
     In steps of 15 deg, to 1 mm.
     """
-    solids = [fcl.CollisionObject(_solid(shape), fcl.Transform(at[:3, :3], at[:3, 3])) for at, shape in (first, second)]
-    pose, request = first[0], fcl.CollisionRequest()
+    (one, shape), (other, against) = first, second
+    solids = _solid(shape), _solid(against)
     turns = Rotation.from_euler("z", np.arange(0, 360, 15)[:, None], degrees=True).as_matrix()
 
     def touch(turn: Float, lift: float) -> bool:
-        solids[0].setTransform(fcl.Transform(turn @ pose[:3, :3], turn @ pose[:3, 3] + [0, 0, lift]))
-        return bool(fcl.collide(*solids, request, fcl.CollisionResult()))
+        moved = pose_from(turn @ one[:3, :3], turn @ one[:3, 3] + [0, 0, lift])
+        return _apart(solids[0], moved, solids[1], other) == 0.0
 
     def frees(way: int) -> bool:
-        held, free = 0.0, 2.0 * float(np.linalg.norm(_half(first[1])) + np.linalg.norm(_half(second[1])))
+        held, free = 0.0, 2.0 * float(np.linalg.norm(_half(shape)) + np.linalg.norm(_half(against)))
         while free - held > 0.1:
             middle = (held + free) / 2
             held, free = (middle, free) if touch(turns[0], way * middle) else (held, middle)
@@ -417,26 +413,6 @@ def _at_zero(cell: Cell, shape: Shape) -> Float:
     return cell.axes[ON_TURNTABLE - 1 - shape.link].base_from_turntable @ shape.pose
 
 
-def _near(shapes: Sequence[Shape], poses: Float, pairs: Pairs, within_mm: Float) -> Bool:
-    """Which (n, P) are not kept apart by a line around each shape's longest side, or by a box's own faces."""
-    half = np.array([_half(shape) for shape in shapes])
-    longest = half.argmax(axis=1)
-    radius = np.linalg.norm(np.where(np.arange(3) == longest[:, None], 0.0, half), axis=1)
-    middle = poses[..., :3, 3]
-    arm = np.take_along_axis(poses[..., :3, :3], longest[None, :, None, None], axis=3)[..., 0]
-    arm = arm * half[np.arange(len(shapes)), longest][:, None]
-    first, second = np.array(pairs).T
-    gap = _segments(middle[:, first], arm[:, first], middle[:, second], arm[:, second])
-    apart = gap - radius[first] - radius[second] > within_mm
-    for box, other in ((first, second), (second, first)):
-        flat = np.array([shapes[i].kind == "box" for i in box])
-        turn, at = poses[:, box, :3, :3], middle[:, other] - middle[:, box]
-        ends = [np.einsum("npji,npj->npi", turn, at + sign * arm[:, other]) for sign in (-1, 1)]
-        beyond = np.maximum(np.minimum(*ends), -np.maximum(*ends)) - half[box]
-        apart |= flat & (beyond.max(axis=2) - radius[other] > within_mm)
-    return ~apart
-
-
 def _half(shape: Shape) -> Float:
     if shape.kind == "box":
         return np.array(shape.size_mm) / 2
@@ -444,26 +420,14 @@ def _half(shape: Shape) -> Float:
     return np.array([radius, radius, length / 2 + (radius if shape.kind != "cylinder" else 0.0)])
 
 
-def _segments(p: Float, u: Float, q: Float, v: Float) -> Float:
-    """Least distances of lines p + s u and q + t v, s and t from -1 to 1."""
-    w = p - q
-    a, b, c = (np.einsum("...i,...i->...", x, y) for x, y in ((u, u), (u, v), (v, v)))
-    d, e = (np.einsum("...i,...i->...", x, w) for x in (u, v))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s = np.clip(np.nan_to_num((b * e - c * d) / (a * c - b * b)), -1, 1)
-        t = np.clip(np.nan_to_num((b * s + e) / c), -1, 1)
-        s = np.clip(np.nan_to_num((b * t - d) / a), -1, 1)
-    return np.linalg.norm(w + s[..., None] * u - t[..., None] * v, axis=-1)
+def _apart(solid: Any, pose: Float, other: Any, its_pose: Float) -> float:
+    """Least distance of two solids; 0 where they touch."""
+    at, its_place = (coal.Transform3s(one[:3, :3], one[:3, 3]) for one in (pose, its_pose))
+    return max(0.0, float(coal.distance(solid, at, other, its_place, coal.DistanceRequest(), coal.DistanceResult())))
 
 
-def _placed(objects: list[Any], poses: Float, pair: tuple[int, int]) -> list[Any]:
-    for i in pair:
-        objects[i].setTransform(fcl.Transform(poses[i, :3, :3], poses[i, :3, 3]))
-    return [objects[i] for i in pair]
-
-
-def _solid(shape: Shape) -> fcl.CollisionGeometry:
-    makers = {"box": fcl.Box, "sphere": fcl.Sphere, "capsule": fcl.Capsule, "cylinder": fcl.Cylinder}
+def _solid(shape: Shape) -> Any:
+    makers = {"box": coal.Box, "sphere": coal.Sphere, "capsule": coal.Capsule, "cylinder": coal.Cylinder}
     return makers[shape.kind](*shape.size_mm)
 
 

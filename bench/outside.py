@@ -87,20 +87,10 @@ class Usual:
         """Columns, and how wide they are together at the stand-off, mm."""
         return int(rng.choice([640, 1024, 1280])), rng.uniform(max(18, 2.5 * thick_mm if is_raw else 0), 38)
 
-    def stand_off_mm(self, rng: np.random.Generator) -> float:
-        return float(rng.uniform(80, 250))
-
     def frames(self, rng: np.random.Generator) -> tuple[int, float]:
         """How many, and how far apart, mm."""
         step = rng.choice([0.1, 0.2, 0.3])
         return int(min(rng.uniform(60, 150) / step, 900)), float(step)
-
-    def digit_mm(self, rng: np.random.Generator) -> float:
-        return float(rng.choice([1e-6, 1e-4, 1e-3]))
-
-    def jitter_mm(self, rng: np.random.Generator) -> float:
-        """Of recorded positions."""
-        return float(rng.choice([0.0, 0.01, 0.03]))
 
     def sway_deg(self, rng: np.random.Generator) -> float:
         """By which the scanner sways."""
@@ -109,41 +99,6 @@ class Usual:
     def sway_mm(self, rng: np.random.Generator) -> Float:
         """Of its way, in which the phases (3,) of that go on by 1 rad."""
         return rng.uniform(5, 30, 3)
-
-
-class Wide(Usual):
-    """Far beyond it: small and large faces, flat and steep bevels, few frames far apart, coarse and fine columns."""
-
-    def section(self, rng: np.random.Generator, is_raw: bool) -> Section:
-        radius = rng.choice([0.0, 0.0, rng.uniform(0.02, 0.15)])
-        table = None if rng.random() < 0.5 else rng.uniform(2, 60)
-        if is_raw:
-            thick = between(rng, 1.0, 30.0)
-            return Section(thick - 1e-3, 0.0, np.pi / 4.0, thick, min(radius, thick / 5.0), table)
-        root = between(rng, 0.25, 10.0)
-        drift, bevel = rng.choice([0.0, rng.uniform(-2e-3, 2e-3)]), np.radians(rng.uniform(10, 75))
-        return Section(root, drift, bevel, root + between(rng, 0.5, 20.0), min(radius, root / 5.0), table)
-
-    def incline_deg(self, rng: np.random.Generator, is_raw: bool) -> float:
-        return float(rng.uniform(15, 55) if is_raw else rng.uniform(10, 80))
-
-    def window(self, rng: np.random.Generator, thick_mm: float, is_raw: bool) -> tuple[int, float]:
-        columns = int(rng.choice([160, 320, 640, 1280, 2048, 4096]))
-        self.flawed = (1280.0 / columns) ** 0.5  # over the window a sensor errs by as much, however fine it is
-        return columns, rng.uniform(max(8.0, 1.6 * thick_mm), max(12.0, 5.0 * thick_mm))
-
-    def stand_off_mm(self, rng: np.random.Generator) -> float:
-        return between(rng, 40.0, 900.0)
-
-    def frames(self, rng: np.random.Generator) -> tuple[int, float]:
-        step = between(rng, 0.03, 4.0)
-        return int(np.clip(between(rng, 8.0, 900.0) / step, 8, 900)), step
-
-    def digit_mm(self, rng: np.random.Generator) -> float:
-        return float(rng.choice([1e-6, 1e-4, 1e-3, 5e-3, 2e-2]))
-
-    def jitter_mm(self, rng: np.random.Generator) -> float:
-        return float(rng.choice([0.0, 0.01, 0.03, 0.1, 0.3]))
 
 
 def between(rng: np.random.Generator, low: float, high: float) -> float:
@@ -168,7 +123,7 @@ def simulate(seed: int, is_raw: bool, of: Section | None = None, cell: Usual | N
     thick = section.thickness_mm
     incline = np.radians(cell.incline_deg(rng, is_raw))
     columns, width = cell.window(rng, thick, is_raw)
-    stand, fan = cell.stand_off_mm(rng), bool(rng.random() < 0.5)
+    stand, fan = float(rng.uniform(80, 250)), bool(rng.random() < 0.5)
     frames, step = cell.frames(rng)
     along = np.linspace(0.0, (frames - 1) * step, frames)
     rotation = _orientations(rng, incline, along, cell)
@@ -183,7 +138,7 @@ def simulate(seed: int, is_raw: bool, of: Section | None = None, cell: Usual | N
         rng, section, rotation, place, (np.arange(columns) / (columns - 1) - 0.5) * width, stand, fan, cell.flawed
     )
     flip, origin = rng.choice([1, -1]), rng.choice([0.0, stand])  # z counts away from the sensor or towards it
-    digit = cell.digit_mm(rng)
+    digit = float(rng.choice([1e-6, 1e-4, 1e-3]))
     mirror = np.eye(4)
     mirror[[0, 2], [0, 2]], mirror[2, 3] = flip, origin
     pose = np.tile(np.eye(4), (frames, 1, 1))
@@ -192,7 +147,7 @@ def simulate(seed: int, is_raw: bool, of: Section | None = None, cell: Usual | N
     flange = base_from_section @ pose @ mirror @ np.linalg.inv(flange_from_profiler)
     poses = max(3, rng.choice([frames, frames // 4]))  # two say that the robot moved straight, which this one does not
     told = np.unique(np.linspace(0, frames - 1, poses).astype(int))
-    jitter = cell.jitter_mm(rng)
+    jitter = float(rng.choice([0.0, 0.01, 0.03]))  # of recorded positions
     time = 1000.0 + along / rng.uniform(8, 40)
     recording = Recording(
         source=f"outside {seed}",

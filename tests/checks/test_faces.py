@@ -28,7 +28,7 @@ from bench.odd_plates import (
     ledge,
     odd_plate,
 )
-from bench.outside import Part, Section, Wide, simulate
+from bench.outside import Part, Section, Usual, simulate
 from bench.score.measure import alone
 from bench.score.outsider import plain
 from bench.simulators.swept import simulate_groove, simulate_swept
@@ -179,9 +179,25 @@ def test_a_ledge_narrower_than_a_column_is_in_the_uncertainty(seed: int, land_mm
     assert np.median(without.u) < 0.65 * np.median(u)  # what a rounding may hide
 
 
+class Alike(Usual):
+    """A bevel face nearly as wide as the root face, neither upper nor lower surface in view, few frames and columns."""
+
+    def section(self, rng: np.random.Generator, is_raw: bool) -> Section:
+        return Section(7.96, 0.0, 57.7 * DEG, 12.55, 0.12, None)
+
+    def incline_deg(self, rng: np.random.Generator, is_raw: bool) -> float:
+        return 17.0
+
+    def window(self, rng: np.random.Generator, thick_mm: float, is_raw: bool) -> tuple[int, float]:
+        return 160, 40.0
+
+    def frames(self, rng: np.random.Generator) -> tuple[int, float]:
+        return 23, 3.4
+
+
 def test_faces_that_only_their_widths_tell_apart_are_refused() -> None:
-    """A bevel face as wide as the root face, neither upper nor lower surface in view: root 0.66 mm off at 8 u."""
-    part = simulate(1504, False, None, Wide())
+    """Read the other way round the root is 9 u off."""
+    part = simulate(10030904, False, cell=Alike())
     assert re.search(r"read the other way.*readings_apart", alone(plain(part, is_raw=False)).refused)
     section, up = part.section, part.base_from_section[:3, 1]  # for the user to say
     given = {"root_nominal_mm": section.root_mm, "bevel_nominal_deg": section.bevel / DEG}

@@ -43,7 +43,7 @@ def known(condition: str) -> Known:
     targets = TARGETS if condition.endswith("points") else 0
     lever = np.array([[LEVER_MM, 0.0, 0.0]])
     at = lever if condition == "one_lever" else cell.loading.load_points_mm - cell.loading.flange_from_sensor[:3, 3]
-    labels, joints, wrench = _planned(cell, condition, targets) if "planned" in condition else loads_at(at)
+    labels, joints, wrench = _planned(cell) if condition == "planned" else loads_at(at)
     exact = simulate_tests(cell.chain, cell.loading, K, joints, wrench, labels, targets=targets)
     return Known(cell, cell.loading, exact, _bound(cell, cell.loading, exact, targets))
 
@@ -68,13 +68,9 @@ def loads_at(at: Float) -> tuple[tuple[str, ...], Float, Float]:
     return labels, np.array(joints), np.array(wrench)
 
 
-def _planned(cell: Cell, condition: str, targets: int) -> tuple[tuple[str, ...], Float, Float]:
-    """Loads as `stiffness.plan_loads` proposes them, at postures of its own or at Table A1's."""
-    given = None if condition.startswith("planned") else [tuple(map(float, row)) for row in TABLE_A1_DEG]
-    stiffness = JointStiffness(K, np.zeros((6, 6)), 0.0, 0, 0, "Table 2")
-    plan, _ = plan_loads(
-        cell, stiffness, postures_deg=given, angle_convention="dh" if given else "abb", targets=targets
-    )
+def _planned(cell: Cell) -> tuple[tuple[str, ...], Float, Float]:
+    """Loads as `stiffness.plan_loads` proposes them, at postures of its own."""
+    plan, _ = plan_loads(cell, JointStiffness(K, np.zeros((6, 6)), 0.0, 0, 0, "Table 2"), targets=0)
     return plan.labels, plan.joints, plan.wrench
 
 

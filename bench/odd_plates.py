@@ -87,13 +87,6 @@ def _double_bevel(rng: np.random.Generator, sizes: Sizes) -> Section:
     return sizes._replace(table_mm=table).drawn((plate(sizes.root_mm, sizes.above(), below),))
 
 
-def _second_plate(rng: np.random.Generator, sizes: Sizes) -> Section:
-    """The plate to be welded to it, prepared alike, in front of it: a groove."""
-    gap, higher, root = rng.uniform(0.5, 4.0), rng.uniform(-0.5, 0.5), sizes.root_mm
-    mine = plate(root, sizes.above())
-    return sizes.drawn((mine, tuple((gap - u, higher + v) for u, v in mine)))
-
-
 def _rail(rng: np.random.Generator, sizes: Sizes) -> Section:
     """A rail of a fixture in front of it, whose shadow may end the face."""
     gap, width = rng.uniform(0.3, 8.0), rng.uniform(3.0, 40.0)
@@ -129,14 +122,14 @@ def _near_table(rng: np.random.Generator, sizes: Sizes) -> Section:
     return Section(sizes.root_mm, 0.0, sizes.bevel, sizes.thick_mm, radius, gap)
 
 
-SURROUNDED: dict[str, Callable[[np.random.Generator, Sizes], Section]] = {
-    "a bevel below as well": _double_bevel,
-    "a second plate in front": _second_plate,
-    "a rail in front": _rail,
-    "on a table, or up to 3 mm above": _on_table,
-    "lower edge rounded by 0.15 to 1.2 mm": _rounded,
-    "lower part of the root face stands back": _undercut,
-    "on a table, lower edge rounded": _near_table,
+Surround = Callable[[np.random.Generator, Sizes], Section]
+SURROUNDED: dict[str, tuple[int, Surround]] = {  # with the number of its random numbers
+    "a bevel below as well": (0, _double_bevel),
+    "a rail in front": (2, _rail),
+    "on a table, or up to 3 mm above": (3, _on_table),
+    "lower edge rounded by 0.15 to 1.2 mm": (4, _rounded),
+    "lower part of the root face stands back": (5, _undercut),
+    "on a table, lower edge rounded": (6, _near_table),
 }
 
 
@@ -164,27 +157,21 @@ def _compound(rng: np.random.Generator, bevel_deg: float, height_mm: float) -> C
     return compound(bevel_deg, float(np.clip(other, 2.0, 75.0)), rng.uniform(0.15, 0.85), height_mm)
 
 
-def _j_shape(rng: np.random.Generator, _: float, height_mm: float) -> Corners:
-    return j_shape(
-        min(rng.uniform(2.0, 5.0), 0.95 * height_mm), rng.uniform(0.0, 20.0), rng.uniform(0.0, 2.0), height_mm
-    )
-
-
 def _step(rng: np.random.Generator, _: float, height_mm: float) -> Corners:
     """An end face whose upper part stands back, or out."""
     back = rng.uniform(0.15, 0.9) * rng.choice([-1.0, 1.0])
     return ((-back, 0.0), (-back, height_mm))
 
 
-SHAPES: dict[str, Callable[[np.random.Generator, float, float], Corners]] = {
-    "compound bevel": _compound,
-    "nose of 0.5 to 3 mm": lambda rng, bevel_deg, height_mm: ledge(rng.uniform(0.5, 3.0), bevel_deg, height_mm),
-    "ledge of 0.05 to 0.5 mm": lambda rng, bevel_deg, height_mm: ledge(rng.uniform(0.05, 0.5), bevel_deg, height_mm),
-    "J": _j_shape,
-    "step of 0.15 to 0.9 mm": _step,
+def _ledge(rng: np.random.Generator, bevel_deg: float, height_mm: float) -> Corners:
+    return ledge(rng.uniform(0.05, 0.5), bevel_deg, height_mm)
+
+
+SHAPES: dict[str, tuple[int, Callable[[np.random.Generator, float, float], Corners]]] = {
+    "compound bevel": (0, _compound),
+    "ledge of 0.05 to 0.5 mm": (2, _ledge),
+    "step of 0.15 to 0.9 mm": (4, _step),
 }
-
-
 DEBURRED = "chamfered lower edge"
 
 
@@ -193,9 +180,11 @@ def odd_plate(shape: str, seed: int, is_raw: bool) -> Part:
     if shape == DEBURRED:
         return deburred_plate(seed, is_raw)
     if shape in SURROUNDED:
-        rng = np.random.default_rng([781, seed, list(SURROUNDED).index(shape)])
-        return simulate(seed, is_raw, SURROUNDED[shape](rng, plain(rng, is_raw)))
-    rng = np.random.default_rng([779, seed, list(SHAPES).index(shape)])
+        number, surround = SURROUNDED[shape]
+        rng = np.random.default_rng([781, seed, number])
+        return simulate(seed, is_raw, surround(rng, plain(rng, is_raw)))
+    number, above = SHAPES[shape]
+    rng = np.random.default_rng([779, seed, number])
     root, bevel, height = rng.uniform(0.8, 3.0), rng.uniform(25.0, 55.0), rng.uniform(3.0, 8.0)
     table = None if rng.random() < 0.5 else rng.uniform(4.0, 30.0)
-    return simulate(seed, is_raw, drawn_above(root, bevel * DEG, SHAPES[shape](rng, bevel, height), table))
+    return simulate(seed, is_raw, drawn_above(root, bevel * DEG, above(rng, bevel, height), table))

@@ -10,7 +10,7 @@ the camera sees: both ways must be free. Speckle is correlated over columns; wha
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -425,8 +425,3 @@ def pose(rng: np.random.Generator, distance_mm: float) -> Float:
     out[:3, :3] = Rotation.random(random_state=rng).as_matrix()
     out[:3, 3] = distance_mm * unit(rng.normal(size=3))
     return out
-
-
-def with_ideal_sensor(sensor: Sensor) -> Sensor:
-    """No noise, nothing lost."""
-    return replace(sensor, noise_mm=1e-4, lost=0.0, stray=0.0, linearity_mm=0.0, digit_mm=1e-7)

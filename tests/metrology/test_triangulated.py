@@ -11,12 +11,11 @@ from bench.simulators.triangulated import (
     free,
     simulate,
     smooth,
-    with_ideal_sensor,
 )
 from workbench.units import DEG
 
 PART = Workpiece("raw", 60.0, 200.0, 6.0, lean=Course(0.02, 0.01))
-EXACT = with_ideal_sensor(Sensor(width_mm=20.0))
+EXACT = Sensor(width_mm=20.0, noise_mm=1e-4, lost=0.0, stray=0.0, digit_mm=1e-7)
 WAY = Way(elevation=35.0 * DEG, oblique=(0.03, 0.02, -0.03), aim_mm=(0.0, 3.0))
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from bench.fuzz.run import as_row, confine, fuzz
 from bench.fuzz.targets import TARGETS
-from bench.harness import ROOT
+from bench.harness import ROOT, made_by
 from bench.tables import put_into, written
 
 PAGE = ROOT / "docs" / "reliability.md"
@@ -73,7 +73,8 @@ def _write(rows: list[dict[str, Any]], seed: int) -> None:
     failed = sum(sum(r["failures"].values()) for r in rows)
     place = written(PAGE, "fuzz", head, cells)
     slowest = max(r["slowest_s"] for r in rows)
-    total = f"{sum(r['executions'] for r in rows):,} executions, seed {seed}; slowest {slowest:.2f} s"
+    total = f"`python -m bench.fuzz`{made_by()}: {sum(r['executions'] for r in rows):,} executions, seed {seed}; "
+    total += f"slowest {slowest:.2f} s"
     put_into(PAGE, f"{total}. Failures: {failed}. [Every reader]({place}).", "fuzz")
 
 

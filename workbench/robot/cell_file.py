@@ -307,7 +307,7 @@ class ControllerPart(_Part):
         description="whose language it reads: RAPID, KRL, FANUC's TP, URScript, INFORM, or joint angles over time"
     )
     level_joint_3: bool | None = Field(
-        default=None, description="joint 3 counts against the ground, not the upper arm; null: as FANUC's do"
+        default=None, description="joint 3 is measured from the horizontal, not the upper arm; null: as FANUC does"
     )
     corner_region: bool = Field(default=False, description="FANUC, Yaskawa: CR, corners in mm, is installed")
     acceleration_s: float | None = Field(

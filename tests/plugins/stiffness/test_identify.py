@@ -10,6 +10,7 @@ import pytest
 from scipy.stats import chi2
 
 from workbench import Pipeline
+from workbench.api import rotation_from_vector
 from workbench.errors import InputError
 from workbench.plugins.stiffness import identify
 from workbench.plugins.stiffness.simulate_loads import loads_csv, simulate_tests
@@ -25,13 +26,23 @@ def test_exact_loads_give_table_2_exactly(identified: Any, exact: Any, targets: 
     assert np.abs(found.nm_per_rad / K - 1).max() < 1e-5
 
 
-def test_uncertainties_are_honest(identified: Any, noisy: Any) -> None:
+def as_built(tests: LoadingTests, seed: int) -> LoadingTests:
+    """As a robot and a sensor give them that stand otherwise than stated by as much as is usual."""
+    rng = np.random.default_rng([seed, 1])
+    turn = rotation_from_vector(np.radians(0.5) * rng.normal(size=3))
+    wrench = (tests.wrench.reshape(-1, 2, 3) @ turn).reshape(-1, 6) * np.r_[[1 + 0.01 * rng.normal()] * 3, 1, 1, 1]
+    joints = tests.joints + np.radians(0.3) * rng.normal(size=6) * [0, 1, 1, 1, 1, 1]
+    return dataclasses.replace(tests, wrench=wrench * (1 + 0.02 * rng.normal()), joints=joints)
+
+
+@pytest.mark.parametrize("exactly", [True, False])
+def test_uncertainties_are_honest(identified: Any, noisy: Any, exactly: bool) -> None:
     """16 trials: the 95 % ellipsoid holds, and is no larger than it must be."""
-    trials = 16
-    found = [identified(noisy(seed))[0] for seed in range(trials)]
+    trials, more = 16, {"as_built_u": 0.0, "scale_relative_u": 0.0} if exactly else {}
+    found = [identified(noisy(seed) if exactly else as_built(noisy(seed), seed), **more)[0] for seed in range(trials)]
     squares = [(one.nm_per_rad - K) @ np.linalg.solve(one.covariance, one.nm_per_rad - K) for one in found]
     assert np.mean(np.array(squares) < chi2.ppf(0.95, 6)) > 0.95 - 3.5 * np.sqrt(0.95 * 0.05 / trials)
-    assert abs(np.mean(squares) / 6 - 1) < 4 / np.sqrt(3 * trials)
+    assert abs(np.mean(squares) / 6 - 1) < (4 if exactly else 5) / np.sqrt(3 * trials)
 
 
 def test_missing_points_are_no_loss_of_sense(identified: Any, noisy: Any) -> None:
@@ -46,7 +57,7 @@ def test_missing_points_are_no_loss_of_sense(identified: Any, noisy: Any) -> Non
 
 def test_more_noise_than_stated_widens(identified: Any, cell: Cell, exact: Any) -> None:
     tests, rng = exact(), np.random.default_rng(6)
-    noise = rng.normal(size=(72, 6)) * ([0.04] * 3 + [1.4e-4] * 3)
+    noise = rng.normal(size=(72, 6)) * ([0.03] * 3 + [1.0e-4] * 3)
     found = identified(dataclasses.replace(tests, moved=tests.moved + noise))[0]
     assert any("times what the cell's noise predicts" in note for note in found.warnings)
     assert found.loads == 72

@@ -1,13 +1,11 @@
-"""What six springs do not explain in loading tests: a lack of fit, in u and with the cause that fits it best.
+"""What six springs do not explain in loading tests: causes as unknowns with priors, named where they are beyond these.
 
-Residuals that are as the noise predicts in size may still follow the loads: a sensor that stands elsewhere, a base that
-gives, a force that is scaled. Each *cause* is a direction d in which the residuals would lie; it is found where they do
-by more than chance (docs/stiffness_metrology.md, eq. (L1) to (L3)).
+A sensor that stands elsewhere, a joint's zero, a base that gives, a force that is scaled: each *cause* is a direction
+in which the displacements would lie (docs/stiffness_metrology.md, eq. (L1) to (L3)).
 """
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
@@ -15,11 +13,11 @@ from typing import TypeVar
 import numpy as np
 import scipy
 
-from workbench.api import DEG, Chain, Float, LoadingSetup, Shaped, estimator, forward_kinematics
-from workbench.plugins.stiffness.equations import Loading, equations
+from workbench.api import DEG, Bool, Chain, Float, LoadingSetup, Shaped, estimator, forward_kinematics
+from workbench.plugins.stiffness.equations import TYPICAL, Equations, Loading, equations
 from workbench.plugins.stiffness.values import LoadingTests
 
-SURE_SIGMAS = 5.0  # of a cause: of 40 causes one in 40,000 sound sets of loads has one
+SURE_SIGMAS = 5.0  # by which a cause is beyond what was stated of it: of 60 causes one in 30,000 sound sets has one
 MOST_CAUSES, TOLD = 8, 3
 CHANCE = 1e-3  # that sound loads count as lacking fit
 RANK = 1e-6  # singular values of the wrenches below this share are none
@@ -27,15 +25,25 @@ STEP = 1e-3  # of each cause's unit, for its direction
 FEW = 4  # loads of a posture, from which on it may be off by itself
 AXES = "xyz"
 
+# How well an ordinary cell and robot are known (u): what no load shows stays as large
+PLACE_U_MM, TURN_U_DEG, TRACKED_TURN_U_DEG = 1.0, 0.5, 0.05
+GAIN_U = 0.01  # of the forces against the torques, and of displacements against rotations
+ZERO_U_DEG = 0.3  # of a joint, as `calibrate.robot` has it
+GIVE_U_UM_N = 0.01  # of a base, along each axis
+LINK_U = 0.005  # of a link's compliance across its joint's axis, over the joint's: the paper's links are rigid
+NOISE_U = 0.2  # of what is the same in several displacements, over their noise
+BACKLASH_U_MM = 0.002
+LEAST = 1e-3  # of the stated priors, for a cell that stands exactly as stated
+
 
 @dataclass(frozen=True, slots=True)
 class LackOfFit:
     """What the residuals say beyond noise."""
 
     causes: str  # in words, the surest first; empty: none
-    change: Shaped[Float, " 6"]  # rad/Nm, by which the compliance would change if the causes were put right
+    change: Shaped[Float, " 6"]  # rad/Nm, by which the causes that are told change the compliance
     widened: float  # variance of the residuals that follow the loads, over the noise's; at least 1
-    hidden: tuple[str, ...]  # what an error that the residuals do not show would change, with its size
+    hidden: tuple[str, ...]  # what an error beyond what was assumed of it would change, with its size
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,80 +52,130 @@ class Cause:
 
     words: str  # "{0}" is replaced by its size
     unit: float  # what 1 of `words` is in the units of `changed`
+    u: float  # standard uncertainty of how it was stated, in units of `unit`
     of_tests: dict[str, Float] = field(default_factory=dict)  # what 1 of `unit` adds to their fields
     of_setup: dict[str, Float] = field(default_factory=dict)
+    direction: Float | None = None  # (L, r) of 1 of `unit`, where it is none of the fields'
     hidden: tuple[str, str, str] | None = None  # where it may not show: its kind, 1 of it in words, the unit
 
 
-def lack_of_fit(
-    chain: Chain, setup: LoadingSetup, tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]
-) -> LackOfFit:
-    """Causes that the residuals show, what they do to the compliance, and how much else follows the loads."""
-    eq = loading.eq  # a direction made of what was measured would share its noise
-    modelled = replace(tests, moved=np.where(eq.seen, eq.y - eq.residual(found.at), np.nan))
-    causes = list(_causes(chain, setup, modelled))
-    here = equations(chain, setup, modelled).residual(found.at)
-    directions = []  # (n, d) each: by how much the residuals would be smaller if a cause of size 1 were put right
-    for cause in causes:
-        other = (_changed(setup, cause.of_setup, cause.unit), _changed(modelled, cause.of_tests, cause.unit))
-        directions.append(loading.observed(here - equations(chain, *other).residual(found.at)) / STEP)
-    columns = np.stack([*np.moveaxis(found.rows.jacobian, 2, 0), *directions, found.rows.residual], axis=2)
-    whole = found.rows.only(found.used).product(columns[found.used])
-    repeated, linear = _repeated(tests, loading, found, columns)
-    scale = np.append(_scale(whole)[:-1], 1.0)
-    whole, repeated = (scale[:, None] * one * scale for one in (whole, repeated))
-    others = float(found.rows.values[found.used].sum()) - linear
-    taken, told = list(range(6)), list[str]()
-    while len(told) < MOST_CAUSES:
-        left = _without(whole, taken)
-        noise2 = max(_without(repeated, taken)[-1, -1] / others, 1.0) if others > 0 else 1.0
-        size, push = np.diagonal(left)[6:-1], left[6:-1, -1]
-        gain = np.where(size > RANK, push**2 / np.maximum(size, RANK), 0.0) / noise2
-        gain[np.array(taken[6:], int) - 6] = 0.0
-        best = int(np.argmax(gain))
-        if gain[best] < SURE_SIGMAS**2:
-            break
-        value = push[best] / size[best] * scale[6 + best]
-        told.append(f"{causes[best].words.format(f'{value:+.3g}')} ({np.sqrt(gain[best]):.0f} standard uncertainties)")
-        taken.append(6 + best)
-    solved = scale[taken] * (_inverse(whole[np.ix_(taken, taken)]) @ whole[taken, -1])
-    lacking = (_without(whole, taken) - _without(repeated, taken))[-1, -1]
-    freedom = linear - len(taken)
-    chance = freedom < 1 or lacking < scipy.special.chdtri(freedom, CHANCE)
-    untold = [k for k in range(6, len(whole) - 1) if k not in taken]
-    changes = (scale[:6, None] * _inverse(whole[:6, :6]) @ whole[:6, untold]) / scale[untold]
-    left = np.diagonal(_without(whole, list(range(6))))[untold]
-    shown2 = np.divide(
-        SURE_SIGMAS**2 * noise2 * scale[untold] ** 2, left, out=np.full(len(left), np.inf), where=left > RANK
-    )
-    more = [f"and {len(told) - TOLD} more"] if len(told) > TOLD else []
-    return LackOfFit(
-        "; ".join([*told[:TOLD], *more]),
-        np.asarray(solved[:6]),
-        1.0 if chance else lacking / freedom,
-        _hidden([causes[k - 6] for k in untold], found, changes.T, np.sqrt(shown2)),
-    )
+def with_causes(
+    chain: Chain,
+    setup: LoadingSetup,
+    tests: LoadingTests,
+    found: estimator.Fit[Float],
+    labels: estimator.Labels,
+    as_built_u: float,
+) -> tuple[Loading, estimator.Fit[Float], LackOfFit]:
+    """The compliance with causes as unknowns, each with its prior; one that is beyond its prior is told, and free.
 
-
-def _hidden(causes: list[Cause], found: estimator.Fit[Float], changes: Float, shown: Float) -> tuple[str, ...]:
-    """Of each kind of cause the one that changes a joint most before the residuals show it, by `SURE_SIGMAS`.
-
-    changes (m, 6): rad/Nm for each unit of a cause; shown (m,): its size from which the residuals show it.
+    found: the fit of six springs; as_built_u: times the stated priors, 0: causes are told, but not in u of the rest.
     """
-    u, worst = np.sqrt(np.diag(found.covariance)), dict[str, tuple[float, str]]()
-    for cause, change, size in zip(causes, changes, shown, strict=True):
-        if cause.hidden is None:
+    eq = equations(chain, setup, tests)  # a direction made of what was measured would share its noise
+    modelled = replace(tests, moved=np.where(eq.seen, eq.y - eq.residual(found.at), np.nan))
+    causes = list(_causes(chain, setup, modelled, eq, found.at))
+    here = equations(chain, setup, modelled).residual(found.at)
+    plain, directions = Loading(eq), []
+    for cause in causes:
+        if cause.direction is not None:
+            directions.append(plain.observed(cause.direction))
+            continue
+        other = (_changed(setup, cause.of_setup, cause.unit), _changed(modelled, cause.of_tests, cause.unit))
+        directions.append(plain.observed(equations(chain, *other).residual(found.at) - here) / -STEP)
+    columns, u = np.stack(directions, axis=2), np.array([cause.u for cause in causes]) * max(as_built_u, LEAST)
+    links = np.array([cause.direction is not None for cause in causes])
+    loading = Loading(eq, columns, u)
+    repeated, others, _ = _repeated(tests, loading, found)
+    noise2 = max(repeated / others, 1.0) if others > 0 else 1.0
+    give = _give(loading, loading.fit(found.used), links, noise2)
+    u[links] = give or u[links]
+    told, first = list[int](), None
+    while True:
+        loading = Loading(eq, columns, u)
+        fitted = loading.fit(found.used)
+        first = fitted.at[:6] if first is None else first
+        size, known = fitted.at[6:], np.diag(fitted.inverse)[6:]
+        seen = np.maximum(1.0 / known - u**-2.0, RANK / known)  # information of the loads alone
+        gain = np.where(np.isfinite(u), np.abs(size) / (known * np.sqrt(seen) * np.hypot(1.0, u * np.sqrt(seen))), 0.0)
+        gain /= np.sqrt(noise2)
+        best = int(np.argmax(gain))
+        if gain[best] < SURE_SIGMAS or len(told) == MOST_CAUSES:
+            break
+        told.append(best)
+        u[best] = np.inf
+    fitted, _ = estimator.without_blunders(loading, fitted.at, labels)
+    return loading, fitted, _lack(tests, loading, fitted, causes, told, first, give)
+
+
+def _give(loading: Loading, found: estimator.Fit[Float], links: Bool, noise2: float) -> float:
+    """What links give across the axes of their joints, % of these (RMS), by likelihood; 0: not seen beside u.
+
+    noise2: variance of the residuals that no compliance explains, over the noise's.
+    """
+
+    def likelihood(give: float) -> float:
+        u = np.where(links, give, loading.u)
+        rows = Loading(loading.eq, loading.directions, u).rows(found.at)
+        rows = replace(rows, residual=rows.residual / np.sqrt(noise2), jacobian=rows.jacobian / np.sqrt(noise2))
+        return rows.only(found.used).normal().restricted - float(np.log(u).sum())
+
+    least = float(loading.u[links][0])
+    tried = np.geomspace(least, max(100.0, 2.0 * least), 12)[1:]
+    most = int(np.argmax(every := [likelihood(give) for give in tried]))
+    return float(tried[most]) if every[most] - likelihood(least) > 0.5 * SURE_SIGMAS**2 else 0.0
+
+
+def _lack(
+    tests: LoadingTests,
+    loading: Loading,
+    found: estimator.Fit[Float],
+    causes: list[Cause],
+    told: list[int],
+    first: Float,
+    give: float,
+) -> LackOfFit:
+    """What is left of a fit whose causes `told` are free; first (6,): the compliance with none of them free."""
+    residual = found.rows.residual[found.used][..., None]
+    repeated, others, linear = _repeated(tests, loading, found)
+    noise2 = max(repeated / others, 1.0) if others > 0 else 1.0
+    sure = np.sqrt(np.diag(found.inverse))
+    held = 1.0 - sure[6:] ** 2 * loading.u**-2.0  # of each cause, by the loads
+    freedom = linear - 6 - float(held.sum())
+    lacking = float(found.rows.only(found.used).product(residual)[0, 0]) - repeated
+    chance = freedom < 1 or lacking < noise2 * scipy.special.chdtri(freedom, CHANCE)
+    words = [
+        f"{causes[k].words.format(f'{found.at[6 + k]:+.3g}')} (± {sure[6 + k]:.2g}, {loading_u:.2g} was allowed for)"
+        for k, loading_u in ((k, causes[k].u) for k in told[:TOLD])
+    ]
+    if give:
+        words.insert(0, f"links that give across the axes of their joints, by some {give:.2g} % of what these give")
+    more = [f"and {len(told) - TOLD} more"] if len(told) > TOLD else []
+    bias = np.abs(found.inverse[:6, 6:]) * loading.u**-2.0
+    return LackOfFit(
+        "; ".join([*words, *more]),
+        np.asarray(found.at[:6] - first),
+        1.0 if chance else lacking / freedom,
+        _hidden(causes, found, bias.T, loading.u),
+    )
+
+
+def _hidden(causes: list[Cause], found: estimator.Fit[Float], changes: Float, u: Float) -> tuple[str, ...]:
+    """Of each kind of cause the one that changes a joint most where it is further off than was assumed.
+
+    changes (m, 6): rad/Nm for each unit of a cause; u (m,): what was assumed of it.
+    """
+    known, worst = np.sqrt(np.diag(found.inverse))[:6], dict[str, tuple[float, str]]()
+    for cause, change, held in zip(causes, changes, u, strict=True):
+        if cause.hidden is None or not np.isfinite(held):
             continue
         kind, which, unit = cause.hidden
-        joint = int(np.argmax(np.abs(change) / u))
-        share, times = 100.0 * abs(change[joint] / found.at[joint]), abs(change[joint]) / u[joint]
-        words = f"{kind}: {which} changes joint {joint + 1} by {share:.2g} % ({times:.2g} u); "
-        words += f"the residuals show {size:.2g} {unit}" if np.isfinite(size) else "no residual shows it"
-        worst[kind] = max(worst.get(kind, (0.0, "")), (times * size, words))
+        joint = int(np.argmax(change / known))
+        share, times = 100.0 * change[joint] / abs(found.at[joint]), change[joint] / known[joint]
+        words = f"{kind}: {which} changes joint {joint + 1} by {share:.2g} % ({times:.2g} u); u holds {held:.2g} {unit}"
+        worst[kind] = max(worst.get(kind, (0.0, "")), (times * held, words))
     return tuple(words for _, words in worst.values())
 
 
-_inverse = functools.partial(np.linalg.pinv, rcond=RANK, hermitian=True)  # none along what columns do not hold
 Changed = TypeVar("Changed", LoadingSetup, LoadingTests)
 
 
@@ -126,21 +184,12 @@ def _changed(one: Changed, by: dict[str, Float], unit: float) -> Changed:
     return replace(one, **{name: getattr(one, name) + STEP * unit * change for name, change in by.items()})
 
 
-def _scale(products: Float) -> Float:
-    """What makes columns (c,) with these products of length 1; 0 of one that is nothing, as of a joint never turned."""
-    square = np.diagonal(products)
-    return np.divide(1.0, np.sqrt(square), out=np.zeros_like(square), where=square > 0.0)
+def _repeated(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]) -> tuple[float, int, int]:
+    """Chi-square of the residuals without all that is linear in the wrench at its posture, its freedom, and the rest's.
 
-
-def _without(products: Float, taken: list[int]) -> Float:
-    """Products (c, c) of columns after what the columns `taken` explain of them."""
-    across = products[:, taken]
-    return np.asarray(products - across @ _inverse(products[np.ix_(taken, taken)]) @ across.T)
-
-
-def _repeated(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float], columns: Float) -> tuple[Float, int]:
-    """Products of the columns (c, c) without all that is linear in the wrench at its posture, and how much that is."""
-    products, rank = np.zeros((columns.shape[2],) * 2), 0
+    No compliance explains it.
+    """
+    chi2, freedom, rank = 0.0, 0, 0
     scale = np.maximum(np.abs(tests.wrench).max(axis=0), 1e-12)
     postures = np.unique(np.round(tests.joints, 9), axis=0, return_inverse=True)[1].reshape(-1)
     for posture in np.unique(postures[loading.load[found.used]]):
@@ -149,33 +198,41 @@ def _repeated(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]
         u, s, _ = np.linalg.svd(tests.wrench[loads] / scale, full_matrices=False)
         basis = u[load][:, s > RANK * s[0]]
         points, point = np.unique(loading.point[here], return_inverse=True)
-        linear = np.einsum("nb,np,ij->nibpj", basis, np.eye(len(points))[point], np.eye(columns.shape[1]))
-        linear = linear.reshape(*columns[here].shape[:2], -1)
-        joined = found.rows.only(here).product(np.concatenate([columns[here], linear], axis=2))
-        kept = columns.shape[2]
-        size = _scale(joined)[kept:]
-        own, across = size[:, None] * joined[kept:, kept:] * size, joined[:kept, kept:] * size
-        products = products + joined[:kept, :kept] - across @ _inverse(own) @ across.T
+        residual = found.rows.residual[here][..., None]
+        linear = np.einsum("nb,np,ij->nibpj", basis, np.eye(len(points))[point], np.eye(residual.shape[1]))
+        linear = linear.reshape(*residual.shape[:2], -1)
+        joined = found.rows.only(here).product(np.concatenate([residual, linear], axis=2))
+        square = np.diagonal(joined)[1:]
+        size = np.divide(1.0, np.sqrt(square), out=np.zeros_like(square), where=square > 0.0)
+        own, across = size[:, None] * joined[1:, 1:] * size, joined[0, 1:] * size
+        chi2 += float(joined[0, 0] - across @ np.linalg.pinv(own, rcond=RANK, hermitian=True) @ across)
         rank += int(np.linalg.matrix_rank(own, RANK, hermitian=True))
-    return products, rank
+        freedom += int(found.rows.values[here].sum())
+    return chi2, freedom - rank, rank
 
 
-def _causes(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Iterator[Cause]:
-    """What may be other than told. Sizes in words are in mm, deg, N, Nm, % and micrometres per N."""
+def _causes(
+    chain: Chain, setup: LoadingSetup, tests: LoadingTests, eq: Equations, compliance: Float
+) -> Iterator[Cause]:
+    """What may be other than stated. Sizes in words are in mm, deg, N, Nm, % and micrometres per N."""
     first_three = np.arange(6) < 3
     yield from _of_frames(setup)
     words = "forces that need {0} % against the torques, or torques that need the opposite"
     hidden = "the forces' gain against the torques'", "1 % of it", "%"
-    yield Cause(words, 0.01, {"wrench": tests.wrench * first_three}, hidden=hidden)
+    yield Cause(words, 0.01, 100 * GAIN_U, {"wrench": tests.wrench * first_three}, hidden=hidden)
     for k in range(6):
         name, unit = ("force", "N") if k < 3 else ("torque", "Nm")
         words = f"a {name} of {{0}} {unit} along the sensor's {AXES[k % 3]} axis in every load"
-        yield Cause(words, 1.0, {"wrench": -np.eye(6)[k]})
+        yield Cause(words, 1.0, float(eq.wrench_noise[k]), {"wrench": -np.eye(6)[k]})
     yield from _of_displacement(chain, setup, tests)
     for joint in range(1, 6):  # joint 1 is a turn of the displacement's axes
         hidden = "a joint's zero", f"1 deg of joint {joint + 1}", "deg"
         words = f"joint {joint + 1} {{0}} deg off its recorded angle"
-        yield Cause(words, DEG, {"joints": np.eye(6)[joint]}, hidden=hidden)
+        yield Cause(words, DEG, ZERO_U_DEG, {"joints": np.eye(6)[joint]}, hidden=hidden)
+    for k in range(12):
+        soft = max(abs(float(compliance[k % 6])), 0.1 * TYPICAL)
+        words = f"links that give across the axis of joint {k % 6 + 1}, by {{0}} % of what the joint gives"
+        yield Cause(words, 0.01, 100 * LINK_U, direction=0.01 * soft * eq.links[:, :, k])
 
 
 def _of_frames(setup: LoadingSetup) -> Iterator[Cause]:
@@ -186,16 +243,14 @@ def _of_frames(setup: LoadingSetup) -> Iterator[Cause]:
         along, turn = np.zeros((4, 4)), np.zeros((4, 4))
         along[k, 3], turn[:3, :3] = 1.0, np.cross(np.eye(3)[k], np.eye(3)).T
         moved = {"flange_from_sensor": sensor @ along}
-        yield Cause(f"the force sensor {words}", 1.0, {}, moved, ("the force sensor's place", which, "mm"))
-        yield Cause(
-            f"the force sensor turned by {{0}} deg about its {axis} axis",
-            DEG,
-            {},
-            {"flange_from_sensor": sensor @ turn},
-            ("the force sensor's axes", f"1 deg about its {axis} axis", "deg"),
-        )
+        hidden = ("the force sensor's place", which, "mm")
+        yield Cause(f"the force sensor {words}", 1.0, PLACE_U_MM, {}, moved, hidden=hidden)
+        hidden = ("the force sensor's axes", f"1 deg about its {axis} axis", "deg")
+        words_turn = f"the force sensor turned by {{0}} deg about its {axis} axis"
+        yield Cause(words_turn, DEG, TURN_U_DEG, {}, {"flange_from_sensor": sensor @ turn}, hidden=hidden)
         moved = {"flange_from_tool": tool @ along, "targets_mm": np.eye(3)[k]}
-        yield Cause(f"what is tracked {words}", 1.0, {}, moved, ("the place of what is tracked", which, "mm"))
+        hidden = ("the place of what is tracked", which, "mm")
+        yield Cause(f"what is tracked {words}", 1.0, PLACE_U_MM, {}, moved, hidden=hidden)
 
 
 def _of_displacement(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Iterator[Cause]:
@@ -206,6 +261,7 @@ def _of_displacement(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> 
     ever, forwards, labels = np.ones(len(force)), np.linspace(0.0, 1.0, len(force)), np.array(tests.labels)
     names, count = np.unique(labels, return_counts=True)
     alone = names[count >= FEW].tolist() if len(names) > 1 else []
+    noise = NOISE_U * (setup.target_noise_mm if tests.points else setup.displacement_noise_mm)
 
     def everywhere(by: Float) -> dict[str, Float]:
         """All that was tracked moved against `by` (L, 3) mm."""
@@ -214,20 +270,19 @@ def _of_displacement(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> 
     for k, axis in enumerate(AXES):
         way = np.eye(3)[k]
         turned = {"moved": np.cross(way, tests.vectors).reshape(tests.moved.shape)}
-        yield Cause(f"the displacements' axes turned by {{0}} deg about the base's {axis} axis", DEG, turned)
-        for words, unit, size in (
-            (f"a displacement of {{0}} mm along {axis} in every load", 1.0, ever),
-            *(
-                (f"a displacement of {{0}} mm along {axis} in every load of posture {one}", 1.0, labels == one)
-                for one in alone
-            ),
-            (f"a drift of {{0}} mm along {axis} from the first load to the last", 1.0, forwards),
-            (f"backlash: {{0}} mm along {axis} either way", 1.0, sense[:, k]),
-            (f"a base or links that give by {{0}} µm/N along {axis}", 1e-3, force[:, k]),
+        words = f"the displacements' axes turned by {{0}} deg about the base's {axis} axis"
+        yield Cause(words, DEG, TRACKED_TURN_U_DEG, turned)
+        every = f"a displacement of {{0}} mm along {axis} in every load"
+        for words, unit, u, size in (
+            (every, 1.0, noise, ever),
+            *((f"{every} of posture {one}", 1.0, noise, labels == one) for one in alone),
+            (f"a drift of {{0}} mm along {axis} from the first load to the last", 1.0, noise, forwards),
+            (f"backlash: {{0}} mm along {axis} either way", 1.0, BACKLASH_U_MM, sense[:, k]),
+            (f"a base or links that give by {{0}} µm/N along {axis}", 1e-3, GIVE_U_UM_N, force[:, k]),
         ):
-            yield Cause(words, unit, everywhere(np.outer(size, way)))
+            yield Cause(words, unit, u, everywhere(np.outer(size, way)))
     # an even give as one cause too: along one axis it may look like a joint
-    yield Cause("a base or links that give by {0} µm/N along every axis", 1e-3, everywhere(force))
+    yield Cause("a base or links that give by {0} µm/N along every axis", 1e-3, GIVE_U_UM_N, everywhere(force))
     if not tests.points:
         scaled = {"moved": tests.moved * (np.arange(6) < 3)}
-        yield Cause("displacements that need {0} % against the rotations", 0.01, scaled)
+        yield Cause("displacements that need {0} % against the rotations", 0.01, 100 * GAIN_U, scaled)

@@ -8,7 +8,7 @@ cannot determine is told in words.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from workbench.api import (
     forward_kinematics,
     jacobian_at,
     joint_axes,
+    motions,
 )
 from workbench.plugins.stiffness.elastic import MM, balance, way, wrench_at
 from workbench.plugins.stiffness.values import LoadingTests
@@ -48,6 +49,7 @@ class Equations:
     reach_mm: Shaped[Float, "L 6"]  # of the sensor from the joint
     noise: Shaped[Float, " r"]  # standard deviation of a row
     wrench_noise: Shaped[Float, " 6"]  # N, Nm
+    links: Shaped[Float, "L r 12"]  # with 1 rad/Nm of each bearing and link, two ways across its joint's axis
     seen: Shaped[Bool, "L r"]
     values: int  # of an observation: 6 of the tool frame, 3 of a tracked point
     predicted: Callable[[Float], Float]  # displacement (L, r) by the compliance, springs and loads in balance
@@ -62,18 +64,28 @@ def equations(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Equatio
     axes, points = joint_axes(chain, tests.joints)
     flange = forward_kinematics(chain, tests.joints)
     sensor = flange @ setup.flange_from_sensor
-    at_sensor = jacobian_at(axes, points, sensor[:, :3, 3])
     turn = np.zeros((len(sensor), 6, 6))  # of unit wrenches, from the sensor's axes
     turn[:, :3, :3], turn[:, 3:, 3:] = sensor[:, :3, :3] / MM, sensor[:, :3, :3]
     in_base = wrench_at(sensor[:, :3, :3], np.zeros(3), tests.wrench)  # the sensor keeps its point
-    by_wrench = np.swapaxes(at_sensor, -1, -2) @ turn
-    torque = (by_wrench @ tests.wrench[..., None])[..., 0]
-    if tests.points:
+
+    def about(axes: Float) -> tuple[Float, Float, Float]:
+        """Jacobian (L, r, 6) of the rows, torque by the wrench (L, 6, 6) and torque (L, 6) about axes (L, 6, 3)."""
+        by_wrench = np.swapaxes(jacobian_at(axes, points, sensor[:, :3, 3]), -1, -2) @ turn
+        torque = (by_wrench @ tests.wrench[..., None])[..., 0]
+        if not tests.points:
+            return jacobian_at(axes, points, (flange @ setup.flange_from_tool)[:, :3, 3]), by_wrench, torque
         targets = np.swapaxes(flange[:, :3, :3] @ setup.targets_mm[: tests.points].T, 1, 2) + flange[:, None, :3, 3]
         each = [jacobian_at(axes, points, targets[:, k])[:, :3] for k in range(tests.points)]
-        jacobian = np.concatenate(each, axis=1)
-    else:
-        jacobian = jacobian_at(axes, points, (flange @ setup.flange_from_tool)[:, :3, 3])
+        return np.concatenate(each, axis=1), by_wrench, torque
+
+    jacobian, by_wrench, torque = about(axes)
+    turned = motions(chain, tests.joints)[:, :6, :3, :3]
+    beside = np.eye(3)[np.argmin(np.abs(chain.axes), axis=1)]
+    first = np.cross(chain.axes, beside)
+    links = []
+    for aside in (first, np.cross(chain.axes, first)):  # across each joint's axis
+        moved, _, moment = about((turned @ aside[:, :, None])[..., 0])
+        links.append(moved * moment[:, None, :])
     seen = np.isfinite(tests.moved)
     return Equations(
         y=np.where(seen, tests.moved, 0.0),
@@ -84,6 +96,7 @@ def equations(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Equatio
         across_n=np.linalg.norm(np.cross(axes, in_base[:, None, :3]), axis=2),
         reach_mm=np.linalg.norm(sensor[:, None, :3, 3] - points, axis=2),
         noise=row_noise(setup, tests.points),
+        links=np.concatenate(links, axis=2),
         seen=seen,
         values=3 if tests.points else 6,
         predicted=lambda compliance: displaced(chain, setup, compliance, tests, STEPS),
@@ -121,15 +134,19 @@ def covariances(eq: Equations, compliance: Float) -> Float:
 
 
 class Loading:
-    """Loads as the estimator sees them: unknown is the joints' compliance (6,), rad/Nm.
+    """Loads as the estimator sees them: unknown are the joints' compliance (6,), rad/Nm, and m causes (m,).
 
     An observation is what one load shows of the tool frame, or of one tracked point that was seen: n of them. Errors of
-    the wrench belong to a load and act through the robot on all its points alike.
+    the wrench belong to a load and act through the robot on all its points alike. A cause is what may be other than
+    stated (`beyond_springs`): it moves the observations by `directions` (n, d, m), and is 0 but for `u` (m,), infinite
+    where nothing is known of it.
     """
 
-    def __init__(self, eq: Equations) -> None:
+    def __init__(self, eq: Equations, directions: Float | None = None, u: Float | None = None) -> None:
         self.eq = eq
         self.load, self.point = np.nonzero(self._points(eq.seen).all(axis=2))
+        none = np.zeros((len(self.load), eq.values, 0))
+        self.directions, self.u = none if directions is None else directions, np.zeros(0) if u is None else u
 
     def _points(self, rows: Shaped[AnyArray, "L r ..."]) -> AnyArray:
         return rows.reshape(len(rows), -1, self.eq.values, *rows.shape[2:])
@@ -141,28 +158,30 @@ class Loading:
     def rows(self, at: Float) -> estimator.Rows:
         """What the wrench's noise does through the joints follows the estimate."""
         eq, n, d = self.eq, len(self.load), self.eq.values
-        own = self.observed((eq.jacobian * np.abs(at)) @ eq.by_wrench * eq.wrench_noise)
+        own = self.observed((eq.jacobian * np.abs(at[:6])) @ eq.by_wrench * eq.wrench_noise)
         noise = self.observed(np.broadcast_to(eq.noise, eq.y.shape))
         alone = noise[:, :, None] ** 2 * np.eye(d)
         shared = estimator.Shared(np.arange(n), alone, own, self.load, np.zeros(n), len(eq.y), np.zeros((n, d, 0)))
         covariance, values = alone + own @ np.swapaxes(own, 1, 2), np.full(n, float(d))
-        residual = self.observed(eq.residual(at))
-        return estimator.Rows(
-            residual, self.observed(eq.a), covariance, values, np.zeros((6, 6)), np.zeros(6), (shared,)
-        )
+        residual = self.observed(eq.residual(at[:6])) - self.directions @ at[6:]
+        jacobian = np.concatenate([self.observed(eq.a), self.directions], axis=2)
+        prior = np.diag(np.concatenate([np.zeros(6), self.u**-2.0]))
+        away = np.concatenate([np.zeros(6), -at[6:]])
+        return estimator.Rows(residual, jacobian, covariance, values, prior, away, (shared,))
 
     def moved(self, at: Float, step: Float) -> Float:
         """Loads that contradict each other make joints softer than any robot's: their balance would run away."""
-        return np.clip(at + step, -SOFTEST, SOFTEST)
+        at = at + step
+        return np.concatenate([np.clip(at[:6], -SOFTEST, SOFTEST), at[6:]])
 
     def misfits(self, rows: estimator.Rows) -> Float:
         """Chi-square of each load (L,) over how many values were seen of it."""
-        of_load = [rows.only(self.load == i) for i in range(len(self.eq.y))]
+        of_load = [replace(rows.only(self.load == i), prior=0.0 * rows.prior) for i in range(len(self.eq.y))]
         return np.array([one.normal().chi2 / max(float(one.values.sum()), 1.0) for one in of_load])
 
-    def fit(self) -> estimator.Fit[Float]:
-        """The compliance by all loads."""
-        return estimator.fit(self, np.full(6, TYPICAL))
+    def fit(self, used: Bool | None = None) -> estimator.Fit[Float]:
+        """The compliance by all loads, or the observations `used` (n,)."""
+        return estimator.fit(self, np.append(np.full(6, TYPICAL), np.zeros(len(self.u))), used)
 
 
 def unobserved(compliance: Float, covariance: Float, largest_relative_u: float) -> list[int]:

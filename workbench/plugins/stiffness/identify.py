@@ -30,7 +30,7 @@ from workbench.api import (
     plot,
     stage,
 )
-from workbench.plugins.stiffness.beyond_springs import LackOfFit, lack_of_fit
+from workbench.plugins.stiffness.beyond_springs import LackOfFit, with_causes
 from workbench.plugins.stiffness.equations import Loading, equations
 from workbench.plugins.stiffness.load_checks import (
     check_clipped,
@@ -61,7 +61,8 @@ def identify(
     scale_relative_u: Annotated[
         float,
         Field(ge=0, le=0.2),
-    ] = 0.0,
+    ] = 0.02,
+    as_built_u: Annotated[float, Field(ge=0, le=10)] = 1.0,
     part: PartNames = NO_NAMES,
 ) -> tuple[JointStiffness, Chapter, Document]:
     """Identify the joints' stiffness from loads and displacements (the paper's sections 5.2 and 6.2, eq. (24)).
@@ -77,6 +78,8 @@ def identify(
         largest_relative_u: largest accepted ratio of standard uncertainty to stiffness of a joint.
         scale_relative_u: standard uncertainty of the ratio of the force sensor's scale to the tracker's, which no load
             shows.
+        as_built_u: factor on the standard uncertainties of joint zeros, sensor, targets and links
+            (docs/stiffness_metrology.md); 0: all stand as stated.
         part: robot, robot_serial, recorded_at (ISO 8601), operator, for the file and the page.
 
     Raises:
@@ -97,7 +100,8 @@ def identify(
     check_clipped(tests)
     tests = dataclasses.replace(tests, joints=abb_angles(tests.joints, angle_convention))
     check_limits(cell.chain, tests, angle_convention)
-    found, notes = identify_from(cell.chain, rounded(cell.loading, tests), tests, largest_relative_u, scale_relative_u)
+    setup = rounded(cell.loading, tests)
+    found, notes = identify_from(cell.chain, setup, tests, largest_relative_u, scale_relative_u, as_built_u)
     if cell.joint_stiffness_nm_per_rad is not None:
         check_stated(found, cell.joint_stiffness_nm_per_rad, cell.source, tests)
     chapter = stiffness_chapter(found, tests.labels, notes)
@@ -111,7 +115,8 @@ def identify_from(
     setup: LoadingSetup,
     tests: LoadingTests,
     largest_relative_u: float = 0.5,
-    scale_relative_u: float = 0.0,
+    scale_relative_u: float = 0.02,
+    as_built_u: float = 1.0,
 ) -> tuple[JointStiffness, dict[str, Any]]:
     """Stiffness from tests in memory, their angles the controller's; and what the result file adds to it."""
     check_filled(tests)
@@ -119,38 +124,40 @@ def identify_from(
         why = f"the cell file's $.loading.targets_mm places no p{tests.points}"
         raise InputError(tests.source, f"expected at most {len(setup.targets_mm)} tracked points: {why}")
     eq = equations(chain, setup, tests)
-    loading = Loading(eq)
-    labels = estimator.Labels(tests.source, tuple(range(len(loading.load))), ask=ASKED)
+    plain = Loading(eq)
+    labels = estimator.Labels(tests.source, tuple(range(len(plain.load))), ask=ASKED)
     refused: InputError | None = None
     try:
-        found, left_out = estimator.without_blunders(loading, loading.fit().at, labels)
+        springs, left_out = estimator.without_blunders(plain, plain.fit().at, labels)
     except InputError as error:
-        found, left_out, refused = loading.fit(), {}, error
-    doubtful = len(left_out) > MANY * len(loading.load)
-    mistake = explain(chain, setup, tests, loading.fit() if doubtful else found, largest_relative_u)
+        springs, left_out, refused = plain.fit(), {}, error
+    doubtful = len(left_out) > MANY * len(plain.load)
+    mistake = explain(chain, setup, tests, plain.fit() if doubtful else springs, largest_relative_u)
     if mistake:
         raise InputError(tests.source, mistake)
     if refused is not None:
         raise refused
-    lack = lack_of_fit(chain, setup, tests, loading, found)
+    loading, found, lack = with_causes(chain, setup, tests, springs, labels, as_built_u)
     noisy = found.freedom > 0 and found.chi2 > scipy.special.chdtri(found.freedom, 0.001)  # more than by chance
-    covariance = found.inverse * max(lack.widened, found.misfit if noisy else 1.0)
-    scaled = scale_relative_u * found.at
+    compliance, times = found.at[:6], max(lack.widened, found.misfit if noisy else 1.0)
+    prior = found.rows.prior
+    covariance = estimator.inverse_information((found.information - prior) / times + prior)[:6, :6]
+    scaled = scale_relative_u * compliance
     known = covariance + np.outer(lack.change, lack.change) + np.outer(scaled, scaled)
-    check_observed(found, covariance, eq, tests, largest_relative_u, lack)
-    check_springs(found.at, known, lack, tests, largest_relative_u)
-    check_size(found.at, tests)
+    check_observed(compliance, covariance, eq, tests, largest_relative_u, lack)
+    check_springs(compliance, known, lack, tests, largest_relative_u)
+    check_size(compliance, tests)
     out = _left_out(tests, loading, found)
-    warnings = [*tests.warnings, *out, *lack_in_words(found, lack, covariance)]
+    warnings = [*tests.warnings, *out, *lack_in_words(found, lack, times)]
     use = np.isin(np.arange(len(eq.y)), loading.load[found.used])
     return _stiffness(found, known, covariance, tests, use, tuple(warnings)), {
-        "joint_compliance_rad_per_nm": found.at,
+        "joint_compliance_rad_per_nm": compliance,
         "compliance_covariance": known,
         "residual_over_noise": float(np.sqrt(found.misfit)),
         "residual_over_noise_of_load": np.sqrt(loading.misfits(found.rows)),
         "load_used": use.tolist(),
         "rejected": out,
-        "not_included": [*([] if scale_relative_u else [_gain(found)]), *lack.hidden],
+        "not_included": [*([] if scale_relative_u else [_gain(compliance, covariance)]), *lack.hidden],
     }
 
 
@@ -168,9 +175,9 @@ def _left_out(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]
     return lines
 
 
-def _gain(found: estimator.Fit[Float]) -> str:
+def _gain(compliance: Float, covariance: Float) -> str:
     """What a scale that no load shows would change."""
-    times = 0.01 * found.at / np.sqrt(np.diag(found.covariance))
+    times = 0.01 * compliance / np.sqrt(np.diag(covariance))
     joint = int(np.argmax(times))
     return (
         "the force sensor's gain against the tracker's scale: 1 % of it changes every joint by 1 % "
@@ -178,17 +185,16 @@ def _gain(found: estimator.Fit[Float]) -> str:
     )
 
 
-def lack_in_words(found: estimator.Fit[Float], lack: LackOfFit, covariance: Float) -> list[str]:
-    """What stands in u beside the cell's noise, a line each."""
-    times = np.sqrt(covariance[0, 0] / found.inverse[0, 0])
-    lines = []
+def lack_in_words(found: estimator.Fit[Float], lack: LackOfFit, widened: float) -> list[str]:
+    """What stands in u beside the cell's noise and what was assumed of its set-up, a line each."""
+    lines, times = [], np.sqrt(widened)
     if times > 1.0:
         lines.append(
             f"residuals are {np.sqrt(found.misfit):.2f} times what the cell's noise predicts: "
             f"uncertainties are widened {times:.2f} times"
         )
     if lack.causes:
-        share = np.abs(lack.change / found.at)
+        share = np.abs(lack.change / found.at[:6])
         joint = int(np.argmax(share))
         lines.append(
             f"six springs alone do not explain the displacements; what would: {lack.causes}. That would "
@@ -211,7 +217,7 @@ def _stiffness(
     residuals, where the loads are better than their stated noise), and its variance has terms of fourth order, which
     count where a joint is known to 10 or 20 % only.
     """
-    k = 1 / found.at
+    k = 1 / found.at[:6]
     relative = covariance * np.outer(k, k)
     r = np.diag(by_noise) * k**2
     fourth = relative * np.outer(1 + 3 * r, 1 + 3 * r) + 2 * relative**2

@@ -288,13 +288,13 @@ def check_limits(chain: Chain, tests: LoadingTests, convention: AngleConvention)
 
 
 def check_observed(
-    found: estimator.Fit[Float], covariance: Float, eq: Equations, tests: LoadingTests, largest: float, lack: LackOfFit
+    compliance: Float, covariance: Float, eq: Equations, tests: LoadingTests, largest: float, lack: LackOfFit
 ) -> None:
     """Joints that are not known well enough are refused, each with the reason, and with what else may be wrong."""
-    lost = unobserved(found.at, covariance, largest)
+    lost = unobserved(compliance, covariance, largest)
     if lost:
         force_n = np.linalg.norm(tests.wrench[:, :3], axis=1)
-        why = {j: reason(j, found.at, covariance, eq, force_n) for j in sorted(lost)}
+        why = {j: reason(j, compliance, covariance, eq, force_n) for j in sorted(lost)}
         texts = {text: [str(j + 1) for j in why if why[j] == text] for text in why.values()}
         lines = [
             f"joint{'s' if len(j) > 1 else ''} {' and '.join(j)} cannot be determined: {text}"

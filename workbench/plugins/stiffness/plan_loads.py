@@ -126,8 +126,8 @@ def plan_loads(
         postures: largest count of postures, where they are chosen.
         loads_per_posture: largest count of loads at a posture.
         force_n: of each load.
-        target_relative_u: ratio of standard uncertainty to stiffness to reach for every joint; 0.025: 95 % of results
-            within 5 %.
+        target_relative_u: ratio of standard uncertainty, by noise alone, to stiffness to reach for every joint; 0.025:
+            95 % of results within 5 %.
         targets: count of tracked points; 0: the tool frame's displacement in six dimensions.
         trials: count of random postures to choose from.
         seed: of these.
@@ -210,8 +210,8 @@ def _csv(plan: LoadPlan) -> bytes:
     """A table for the shop floor: where to load, which way, and the wrench that the sensor should then show."""
     names = ("px_mm", "py_mm", "pz_mm", "force_x_n", "force_y_n", "force_z_n")
     comment = (
-        "# point and force in the flange frame; wrench as the sensor sees it (nominal). Joints known to (standard): "
-        + ", ".join(f"{100 * u:.2f} %" for u in plan.relative_u)
+        "# point and force in the flange frame; wrench as the sensor sees it (nominal). "
+        "By noise alone, joints are known to (u): " + ", ".join(f"{100 * u:.2f} %" for u in plan.relative_u)
     )
     values = np.hstack([plan.joints / DEG, plan.points_mm, plan.force_n, plan.wrench])
     rows = ([label, *(f"{v + 0.0:.4f}" for v in row)] for label, row in zip(plan.labels, values, strict=True))

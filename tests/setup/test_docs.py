@@ -1,5 +1,6 @@
 """What the pages point at exists: linked files, files and functions named in the text, commands of make."""
 
+import csv
 import importlib
 import re
 from pathlib import Path
@@ -48,6 +49,15 @@ def test_a_function_that_is_named_exists():
 def test_a_make_target_that_is_named_exists():
     targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
     assert missing(MAKE, lambda page, target: target in targets) == []
+
+
+def test_the_table_of_constants_has_those_of_the_code():
+    for named, values, _ in list(csv.reader((ROOT / "docs/tables/method_constants.csv").open()))[1:]:
+        first, *others = named.split(", ")
+        module, _, name = first.rpartition(".")
+        held = importlib.import_module(f"workbench.{module}")
+        for constant, value in zip([name, *others], re.findall(r"[\d.]+", values), strict=False):
+            assert getattr(held, constant) == float(value), f"{module}.{constant}"
 
 
 def test_the_recording_written_by_its_page_is_read(tmp_path, monkeypatch):

@@ -79,7 +79,8 @@ class Study:
                 told = {"action": "store_true"}
             elif isinstance(default, tuple):
                 told |= {"type": str, "nargs": "*", "metavar": "NAME"}
-            elif not choices:
+                what = "; ".join(filter(None, (what, ", ".join(choices or ()))))
+            elif default and not choices:
                 what += f" ({default})"
             parser.add_argument(f"--{name.replace('_', '-')}", help=what, **told)
         parser.add_argument("--workers", type=int, default=self.workers, help=f"processes ({self.workers})")

@@ -17,12 +17,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from bench.simulators.swept.recipe import GroovePart, Spine, SweptPart
 from workbench.synthetic.groove_truth import GrooveSizes
 from workbench.synthetic.recipe import Course
-from workbench.units import DEG, Float, Int, Shaped
+from workbench.units import DEG, AnyArray, Float, Int, Shaped
 
+STEP = 1e-30
 _GAUSS_AT, _GAUSS_WEIGHT = np.polynomial.legendre.leggauss(5)
 
 
@@ -41,26 +43,18 @@ class Frames:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """A spine with its arc length: s over the parameter u, densely."""
+    """A spine by its arc length: the parameter at s."""
 
     part: SweptPart | GroovePart
-    u: Float
-    s: Float
+    at: CubicHermiteSpline
+    length: float
     closed: bool
-
-    @property
-    def length(self) -> float:
-        return float(self.s[-1])
 
     def frames(self, s: Float) -> Frames:
         """The frames at arc lengths s (k,). Beyond its ends an open curve goes straight on, a closed one round."""
         s = np.asarray(s, dtype=float)
         within = np.mod(s, self.length) if self.closed else np.clip(s, 0.0, self.length)
-        u = np.interp(within, self.s, self.u)
-        for _ in range(2):  # Newton: the table gives s within micrometres
-            speed = np.linalg.norm(_derivative(self.part.spine, u), axis=1)
-            u = u - (self._length_to(u) - within) / speed
-        position, t, n0, m0 = _frame(self.part.spine, u)
+        position, t, n0, m0 = _frame(self.part.spine, self.at(within))
         position = position + (0.0 if self.closed else 1.0) * (s - within)[:, None] * t
         turn = along(self.part.twist_deg, within, self.length)[:, None] * DEG
         n, m = np.cos(turn) * n0 + np.sin(turn) * m0, np.cos(turn) * m0 - np.sin(turn) * n0
@@ -71,22 +65,19 @@ class Curve:
         s = np.linspace(0.0, self.length, count)
         return replace(self.frames(np.append(s[:-1], s[-1] - (1e-9 if self.closed else 0.0))), s=s)
 
-    def _length_to(self, u: Float) -> Float:
-        """Arc length to u, exact to the quadrature: the table up to the node before, then five-point Gauss."""
-        node = np.clip(np.searchsorted(self.u, u, side="right") - 1, 0, len(self.u) - 2)
-        half = (u - self.u[node]) / 2
-        return np.asarray(self.s[node] + _gauss(self.part.spine, self.u[node], half))
-
 
 def curve_of(part: SweptPart | GroovePart) -> Curve:
-    """The spine of a part, tabled."""
+    """The spine of a part, tabled every 2 mm by five-point Gauss quadrature: arc lengths hold to 1e-8 mm."""
     spine = part.spine
     stop = _parameter_range(spine)
     u = np.linspace(0.0, stop, max(64, math.ceil(spine.length_mm / 2.0)) + 1)
-    half = np.diff(u) / 2
-    s = np.concatenate([[0.0], np.cumsum(_gauss(spine, u[:-1], half))])
+    half = np.diff(u)[:, None] / 2
+    places = u[:-1, None] + half * (1 + _GAUSS_AT)
+    speed = np.linalg.norm(_derivative(spine, places.ravel()), axis=1).reshape(places.shape)
+    s = np.concatenate([[0.0], np.cumsum(half[:, 0] * (speed @ _GAUSS_WEIGHT))])
     turn = stop if spine.shape == "saddle" or (spine.shape == "arc" and spine.rise_mm == 0) else 0.0
-    return Curve(part, u, s, closed=abs(turn - 2 * math.pi) < 1e-6)
+    at = CubicHermiteSpline(s, u, 1.0 / np.linalg.norm(_derivative(spine, u), axis=1))
+    return Curve(part, at, float(s[-1]), closed=abs(turn - 2 * math.pi) < 1e-6)
 
 
 def along(course: Course, s: Float, length: float) -> Float:
@@ -94,12 +85,6 @@ def along(course: Course, s: Float, length: float) -> Float:
     share = np.asarray(s) / length
     phase = 2 * math.pi * np.asarray(s) / course.wavelength_mm + course.phase_deg * DEG
     return np.asarray(course.start + (course.end - course.start) * share + course.amplitude * np.sin(phase))
-
-
-def _gauss(spine: Spine, start: Float, half: Float) -> Float:
-    at = start[:, None] + half[:, None] * (1 + _GAUSS_AT)
-    speed = np.linalg.norm(_derivative(spine, at.ravel()), axis=1).reshape(at.shape)
-    return np.asarray(half * (speed @ _GAUSS_WEIGHT))
 
 
 def _parameter_range(spine: Spine) -> float:
@@ -114,7 +99,7 @@ def _parameter_range(spine: Spine) -> float:
     return spine.length_mm  # wavy: along its chord
 
 
-def _point(spine: Spine, u: Float) -> Float:
+def _point(spine: Spine, u: AnyArray) -> AnyArray:
     if spine.shape == "straight":
         return np.stack([u, 0 * u, 0 * u], axis=1)
     if spine.shape == "arc":  # starts at the origin along +x; the plate lies at +y
@@ -132,21 +117,8 @@ def _point(spine: Spine, u: Float) -> Float:
 
 
 def _derivative(spine: Spine, u: Float) -> Float:
-    if spine.shape == "straight":
-        return np.stack([1 + 0 * u, 0 * u, 0 * u], axis=1)
-    if spine.shape == "arc":
-        side = 1.0 if spine.sense == "convex" else -1.0
-        r = spine.radius_mm
-        return np.stack([r * np.cos(u), side * r * np.sin(u), 0 * u + spine.rise_mm / (2 * math.pi)], axis=1)
-    if spine.shape == "saddle":
-        angle = spine.start_deg * DEG - u
-        r, big = spine.radius_mm, spine.shell_radius_mm
-        height = np.sqrt(big**2 - (r * np.sin(angle)) ** 2)
-        rise = -(r**2) * np.sin(angle) * np.cos(angle) / height
-        return -np.stack([r * np.cos(angle), r * np.sin(angle), rise], axis=1)
-    k, phase = 2 * math.pi / spine.wavelength_mm, spine.phase_deg * DEG
-    slope, climb = spine.amplitude_mm * k * np.cos(k * u + phase), spine.height_amplitude_mm * k * np.cos(k * u)
-    return np.stack([1 + 0 * u, slope, climb], axis=1)
+    """By a complex step, which has no rounding of differences (Squire and Trapp 1998)."""
+    return np.asarray(_point(spine, u + STEP * 1j).imag / STEP)
 
 
 def _frame(spine: Spine, u: Float) -> tuple[Float, Float, Float, Float]:

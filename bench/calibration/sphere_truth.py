@@ -59,7 +59,7 @@ class Cell:
         """The same as predicted by a covariance (6, 6) of translation and rotation vector in the flange frame."""
         total = 0.0
         for point in self.field() @ self.hand_eye[:3, :3].T:
-            by = np.concatenate([np.eye(3), -_cross(point)], axis=1)
+            by = np.concatenate([np.eye(3), np.cross(np.eye(3), -point)], axis=1)
             total += float(np.trace(by @ covariance @ by.T)) / 4
         return float(np.sqrt(total))
 
@@ -145,7 +145,3 @@ def _differences(function: object, size: int) -> Float:
     assert callable(function)
     steps = np.eye(size) * STEP
     return np.stack([(function(s) - function(-s)) / (2 * STEP) for s in steps], axis=1)
-
-
-def _cross(v: Float) -> Float:
-    return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])

@@ -221,21 +221,18 @@ def _burr(part: SweptPart, curve: Curve, burr: EdgeBurr, rng: np.random.Generato
 
 def _clamp(part: SweptPart, curve: Curve, block: Block) -> Piece:
     """A box round the edge, from below the plate to above it."""
+    import open3d
+
     start, stop = block.from_mm, block.to_mm
     middle = curve.frames(np.array([(start + stop) / 2]))
     shape = shape_of(part, np.array([(start + stop) / 2]).clip(0, curve.length), curve.length)
     top = float(shape.corner[0, -2, 1])
-    a = np.array([-block.reach_in_mm, block.reach_out_mm])
-    b = np.array([-1.0, top + block.height_mm])
-    t = np.array([start - stop, stop - start]) / 2
-    grid = np.stack(np.meshgrid(a, b, t, indexing="ij"), axis=-1).reshape(-1, 3)
-    vertices = middle.position + grid[:, :1] * middle.n + grid[:, 1:2] * middle.m + grid[:, 2:] * middle.t
-    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
-    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    corners = vertices[triangles]
-    outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    flip = np.einsum("ij,ij->i", outwards, corners.mean(axis=1) - vertices.mean(axis=0)) < 0
-    triangles[flip] = triangles[flip][:, ::-1]
+    low = np.array([-block.reach_in_mm, -1.0, (start - stop) / 2])
+    high = np.array([block.reach_out_mm, top + block.height_mm, (stop - start) / 2])
+    box = open3d.geometry.TriangleMesh.create_box()
+    at = low + np.asarray(box.vertices) * (high - low)
+    vertices = middle.position + at[:, :1] * middle.n + at[:, 1:2] * middle.m + at[:, 2:] * middle.t
+    triangles = np.asarray(box.triangles)[:, ::-1]  # n, m, t are left-handed
     return vertices, triangles, np.full(len(triangles), OTHER, dtype=np.uint8), np.zeros((len(vertices), 3))
 
 

@@ -137,31 +137,33 @@ def fit_circle(points: Float, ray: Float, sigma_mm: float) -> Fillet | None:
 def fit_below_flank(
     points: Float, middle: Float, way: float, sigma_mm: float, guess_mm: float
 ) -> tuple[Flank, Fillet] | None:
-    """Flank and fillet at once: a line that goes over into a circle which it touches; both 4 unknowns together.
+    """Flank, fillet and land at once: a line that goes over into a circle which it touches, and that into a land.
 
-    points (n, 2) from the flank on; middle, way: a place on the flank and its direction, roughly. None where the points
-    do not fix them.
+    points (n, 2) from the flank on, y out of the plate; middle, way: a place on the flank and its direction, roughly.
+    The land is level but for its tilt. None where the points do not fix them.
     """
 
     def centre(unknown: Float) -> Float:
-        turn, off, radius, tangent = unknown
+        turn, off, radius, tangent, _ = unknown
         return np.asarray(middle + tangent * _along(way + turn) + (off + radius) * _normal(way + turn))
 
     def away(unknown: Float) -> Float:
-        return _away(points - centre(unknown), unknown[2], down=way + unknown[0]) / sigma_mm
+        left = _away(points - centre(unknown), unknown[2], down=way + unknown[0], onward=unknown[4])
+        return np.append(left / sigma_mm, unknown[4] / LAND_TILT)
 
     reach = (points - middle) @ _along(way)
     begins = [
-        np.array([0.0, 0.0, radius, float(np.max(reach)) - radius])
+        np.array([0.0, 0.0, radius, float(np.max(reach)) - radius, 0.0])
         for radius in (guess_mm, 0.5 * guess_mm, 2.0 * guess_mm)
     ]
     found = _fitted(away, begins, len(points))
     if found is None:
         return None
-    turn, off, radius, tangent = (float(v) for v in found.x)
+    found.fun = found.fun[:-1]
+    turn, off, radius, tangent, _ = (float(v) for v in found.x)
     d, inside = _along(way + turn), _normal(way + turn)
     lever = tangent * d[0] - (off + radius) * d[1]
-    gradient = np.array([[0.0, 0.0, 1.0, 0.0], [lever, inside[1], inside[1] - 1.0, d[1]], np.zeros(4)])
+    gradient = np.array([[0.0, 0.0, 1.0, 0.0, 0.0], [lever, inside[1], inside[1] - 1.0, d[1], 0.0], np.zeros(5)])
     on_arc = found.fun[reach > tangent]
     on_arc = on_arc if on_arc.size >= LEAST_ARC else np.zeros(1)
     fillet = _fillet((radius, float(centre(found.x)[1]) - radius, 0.0), gradient, found, on_arc, sigma_mm)

@@ -179,8 +179,13 @@ def _steady(corners: Float, group: Int) -> Bool:
 
 
 def _kind(sides: list[Side]) -> tuple[Kind, float]:
-    """The kind that most profiles show of a plate, and their share of those that show a face."""
+    """The kind that most profiles show of a plate, and their share of those that show a face.
+
+    A fillet whose flank another pass sees is the same as with it.
+    """
     faces = [side.kind for side in sides if side.kind != "edge"]
+    if faces.count("round") >= LEAST_FACE * len(sides):
+        faces = ["round" if kind == "hidden" else kind for kind in faces]
     if len(faces) < LEAST_FACE * len(sides):
         return "edge", 1.0
     best = max(sorted(set(faces)), key=faces.count)

@@ -76,10 +76,11 @@ def read_profile(x: Float, y: Float) -> tuple[Side, Side] | None:
     """Left (falling x) and right plate of a profile, y upwards, x rising, both (n,) mm; None: no two plates."""
     if x.size < 4 * LEAST_PLATE_POINTS:
         return None
-    lines = _unbridged(x, y, straight_faces(x, y), LEAST_WHOLE)
+    lines = straight_faces(x, y)
+    lines = _unbridged(x, y, lines, (lines[:, LAST] - lines[:, FIRST] >= LEAST_WHOLE) & ~_floors(lines))
     long = _plates(lines)
     if len(long) == 1:  # level plates over a gap in which nothing is seen
-        lines = _unbridged(x, y, lines, x.size)
+        lines = _unbridged(x, y, lines, np.zeros(len(lines), bool))
         long = _plates(lines)
     if len(long) < 2:
         return None
@@ -142,16 +143,30 @@ def _is_covered(x: Float, y: Float, side: Side, level: float) -> bool:
     return False
 
 
-def _unbridged(x: Float, y: Float, lines: Float, whole: int) -> Float:
+def _floors(lines: Float) -> Bool:
+    """Lines (n,) as level as the plates beside them, below both: no bevel, but the bottom of a U, both plates' part."""
+    long = _plates(lines)
+    if len(long) < 2:
+        return np.zeros(len(lines), bool)
+    left, right = long[0], long[-1]
+    level = 0.5 * (math.atan(left[SLOPE]) + math.atan(right[SLOPE]))
+    middle = 0.5 * (lines[:, X0] + lines[:, X1])
+    deep = np.minimum(*(one[SLOPE] * middle + one[OFFSET] for one in (left, right))) - (
+        lines[:, SLOPE] * middle + lines[:, OFFSET]
+    )
+    return np.asarray((deep > DROP_MM) & (np.abs(level - np.arctan(lines[:, SLOPE])) < LEAST_FALL))
+
+
+def _unbridged(x: Float, y: Float, lines: Float, whole: Bool) -> Float:
     """The lines, those that reach over a gap without returns cut in two there: both fillets of a U can lie on one.
 
-    Not cut are lines of `whole` returns and more: an upper surface goes on beyond lost returns.
+    Not cut are those marked in `whole`: an upper surface or a bevel goes on beyond lost returns.
     """
     out = []
-    for line in lines:
+    for line, is_whole in zip(lines, whole, strict=True):
         first, last = int(line[FIRST]), int(line[LAST])
         wide = np.flatnonzero(np.diff(x[first : last + 1]) > JUMP_MM)
-        if wide.size != 1 or last - first >= whole:
+        if wide.size != 1 or is_whole:
             out.append(line)
             continue
         cut = first + int(wide[0]) + 1
@@ -210,8 +225,9 @@ def _side(x: Float, y: Float, lines: Float, plate: Float, over: bool) -> Side | 
         upper = on[x[on] < cross - trim]
         if upper.size < LEAST_PLATE_POINTS:
             return None
-        last, off = _followed(x, y, line, last)
-        arc = _fillet(x, y, lines, number, level, fall, last)
+        to, off = _followed(x, y, line, last)
+        arc = _fillet(x, y, lines, number, level, fall, to)
+        last = last if arc.size else to  # what goes on beyond the line above a fillet is the fillet's
         other = None if arc.size else _no_bevel(x, y, lines, falls, number, last, level)
         if other is not None:
             return Side(other, math.nan, corner, upper, nothing, nothing, end, last, _step(x, y, upper), 0.0, nothing)
@@ -383,9 +399,9 @@ def _followed(x: Float, y: Float, line: Float, last: int) -> tuple[int, Float]:
 def _fillet(x: Float, y: Float, lines: Float, number: int, level: float, fall: float, last: int) -> Int:
     """Returns of the fillet that begins below face `number`: lines that fall less and less; empty: there is none."""
     before, at, least = fall, last, math.inf
-    begin, lowest = last, lines[number]
+    begin, lowest = int(lines[number, LAST]), lines[number]
     for line in lines[number + 1 :]:
-        f, i = level - math.atan(line[SLOPE]), int(line[FIRST])
+        f, i = level - math.atan(line[SLOPE]), max(int(line[FIRST]), at)
         gap = math.hypot(x[i] - x[at], y[i] - y[at])
         if not 0.5 * ROUND_TURN <= before - f <= SHARP_TURN or f < -20.0 * DEG or gap > 0.6:
             break

@@ -70,8 +70,8 @@ def build_parser() -> Parser:
 
     run = command("run", "run a pipeline and write its results", RUN_EXAMPLES)
     examples = RUN_EXAMPLES.replace("workbench run", "workbench validate").replace("--out out/part-7 ", "")
-    validate = command("validate", "check all of a pipeline that can be checked without running it", examples)
-    batch = command("batch", "run a pipeline once for each recording, and make the page of the fleet", BATCH_EXAMPLES)
+    validate = command("validate", "check a pipeline without running it", examples)
+    batch = command("batch", "run a pipeline for each recording, and make a page of the fleet", BATCH_EXAMPLES)
     for made in (run, validate, batch):
         made.add_argument("pipeline", metavar="PIPELINE.json", help="a file, or a shipped one's name")
         made.add_argument(
@@ -81,14 +81,14 @@ def build_parser() -> Parser:
             "--set", action="append", default=[], metavar="STAGE.KEY=VALUE", help="replace a stage's parameter"
         )
     for made in (run, batch):
-        made.add_argument("--store", metavar="FOLDER", help="note it in the history of `workbench open FOLDER` too")
-        made.add_argument("--no-report", action="store_true", help="measure and decide, but make no report.html")
+        made.add_argument("--store", metavar="FOLDER", help="add it to the history of `workbench open FOLDER`")
+        made.add_argument("--no-report", action="store_true", help="without report.html")
     batch.add_argument(
         "recordings", nargs="+", metavar="RECORDING", help="file, folder of .h5 files or URL, in order of production"
     )
     batch.add_argument("--out", required=True, metavar="DIR", help="folder or URL: DIR/PART/ for each, DIR/fleet.html")
     where = batch.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=_count, metavar="N", help="processes (default: a core each); 0: in this one")
+    where.add_argument("--workers", type=_count, metavar="N", help="processes (default: one per core); 0: this one")
     where.add_argument("--scheduler", metavar="URL", help="dask scheduler, tcp://HOST:PORT (extra [cluster])")
     batch.add_argument("--time-limit-s", type=_seconds, default=600.0, metavar="S", help="for each part (default: 600)")
     batch.add_argument("--cache", metavar="FOLDER", help="keep copies of recordings behind URLs here")
@@ -98,7 +98,7 @@ def build_parser() -> Parser:
     run.add_argument(
         "--stall-s", type=_seconds, default=10.0, metavar="S", help="with --follow: longest pause (default: 10)"
     )
-    run.add_argument("--cache", metavar="DIR", help="keep here what stages made; the next run computes what changed")
+    run.add_argument("--cache", metavar="DIR", help="keep results of stages; the next run computes only what changed")
     stages = command("stages", "list the stages, plug-ins included, or describe one with its parameters and units")
     stages.add_argument("name", nargs="?", metavar="NAME")
     schema = command("schema", "print the JSON Schema of a pipeline, for editors, or of a result file")
@@ -107,7 +107,7 @@ def build_parser() -> Parser:
         made.add_argument(
             "--plugin", action="append", default=[], metavar="FILE.py", help="stages in a file of your own"
         )
-    simulate = command("simulate", "make a synthetic recording; its truth goes beside it, into FILE.truth.json")
+    simulate = command("simulate", "make a synthetic recording, and its truth in FILE.truth.json")
     simulate.add_argument("recipe", metavar="RECIPE.json")
     simulate.add_argument("--out", required=True, metavar="FILE.h5", help="the recording to write")
     imported = command("import", "make a recording of profile files and pose files (docs/importing.md)")
@@ -116,22 +116,22 @@ def build_parser() -> Parser:
         "--out",
         required=True,
         metavar="FILE.h5",
-        help="what to write: the recording; of a tracker's readings FILE.csv; with --draft MAP.json",
+        help="the recording; for a tracker's readings FILE.csv; with --draft MAP.json",
     )
-    imported.add_argument("--draft", action="store_true", help="write what was understood as a mapping to confirm")
+    imported.add_argument("--draft", action="store_true", help="write a mapping to confirm, with what was recognised")
     imported.add_argument("--mapping", metavar="MAP.json", help="what the files do not say about themselves")
-    looked = command("look", "show what a recording, a cloud or a vendor's file holds, and what speaks against it")
+    looked = command("look", "show the contents of a recording, a cloud or a vendor's file, and failed checks")
     looked.add_argument("file", metavar="FILE", help="recording (.h5), cloud, or what `workbench import` reads")
     looked.add_argument("--out", metavar="FILE.html", help="the page to write, with the view in space")
     looked.add_argument("--mapping", metavar="MAP.json", help="what the file does not say about itself")
     looked.add_argument("--corners", metavar="FILE.csv", help="a groove's corners in every row of ranges, as a table")
-    scored = command("score", "hold results of any program against the truth: docs/benchmark.md")
+    scored = command("score", "score results of any program against the truth (docs/benchmark.md)")
     scored.add_argument(
         "submission", metavar="SUBMISSION.json", help="values with their u (workbench schema submission)"
     )
     scored.add_argument("truth", metavar="TRUTH", help="truth file, or the folder of a track with its truth.json")
     scored.add_argument("--out", metavar="DIR", help="folder for card.json, card.html and card.svg")
-    samples = command("samples", "copy the pipelines and the sample data that come with the project into a directory")
+    samples = command("samples", "copy the shipped pipelines and sample data into a directory")
     samples.add_argument("directory", metavar="DIR")
     viewed = command("view", "show the report and the results in DIR in a browser, served on 127.0.0.1 until Ctrl-C")
     viewed.add_argument("directory", metavar="DIR")
@@ -143,7 +143,7 @@ def build_parser() -> Parser:
     )
     opened.add_argument("--port", type=_port, default=0, metavar="N", help="port to listen on (default: a free one)")
     opened.add_argument("--no-browser", action="store_true", help="print the address only")
-    completed = command("completion", "print what makes a shell complete commands, options and pipelines")
+    completed = command("completion", "print the script by which a shell completes commands, options and pipelines")
     completed.add_argument("shell", choices=("bash", "zsh"), help='such as: eval "$(workbench completion bash)"')
     shown = command("view-cell", "draw a robot cell in a posture; print its limits, reach, warnings and clearance")
     shown._negative_number_matcher = NEGATIVE

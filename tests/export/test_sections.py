@@ -22,6 +22,9 @@ def drawing(inspected):
 
 def test_the_drawing_is_sound_and_in_millimetres(drawing):
     assert drawing.units == ezdxf.units.MM
+    drawn = {one.dxf.layer for block in drawing.blocks if block.name.startswith("section_") for one in block}
+    coloured = {one.dxf.name for one in drawing.layers if one.dxf.name not in ("0", "Defpoints")}
+    assert coloured >= drawn > {"root face", "bevel face"}
     assert not drawing.audit().errors
 
 

@@ -1,9 +1,14 @@
-"""Result files: a milling path as the contract's JSON, and nothing that is not JSON."""
+"""What a run tells of its results and writes of them."""
 
 import json
 import re
 from pathlib import Path
 from typing import Any
+
+import pytest
+
+from tests.made import files_of
+from workbench.artefacts import Document
 
 ROOT = Path(__file__).parents[2]
 
@@ -27,3 +32,12 @@ def test_inspections_on_the_way_are_told_in_a_line_with_their_name(command: Any,
     assert told.count("\npart: ") == 1
     assert "gate first_check: rejected" in told
     assert "gate last_check: passed" in told
+
+
+def test_a_file_of_a_stage_under_the_name_of_a_result_file_is_one() -> None:
+    """A stranger's stage that writes another tcp.json than calibrate.tcp does not deceive whoever reads it."""
+    with pytest.raises(ValueError, match="validation error"):
+        files_of(Document("tcp.json", b'{"position_mm": [1, 2, 3]}'))
+    assert files_of(Document("mine.json", b'{"position_mm": [1, 2, 3]}')) == {
+        "mine.json": b'{"position_mm": [1, 2, 3]}'
+    }

@@ -75,7 +75,9 @@ def test_the_shipped_pipeline_names_the_link_to_improve(planned: tuple[Any, Path
     links = {(c["way"], c["name"]): c for c in document["characteristics"]}
     root = links["blind", "root face"]
     assert sum(link["u"] ** 2 for link in root["links"]) == pytest.approx(root["u"] ** 2)
-    assert root["improve_first"] == "hand-eye"  # 0.41 mm: the paper's
+    assert root["improve_first"] == "hand-eye"
+    paper = by_name(document)["hand-eye"]  # its section 7: 0.41 mm as a length
+    assert (paper["source"], paper["along_b_u_mm"]) == ("the paper's", pytest.approx(0.41 / math.sqrt(3.0)))
     assert not root["holds"]
     assert links["corrected", "root face"]["holds"]
     assert links["corrected", "root face"]["improve_first"] == "robot, random"

@@ -61,6 +61,16 @@ def test_schema_refuses_what_the_checks_refuse(schema: Any, stage: dict[str, Any
         Pipeline(document).plan()
 
 
+@pytest.mark.parametrize(
+    "more", [{"seed": -1}, {"seed": 0.5}, {"version": 2}, {"stages": []}, {"seeds": 1}, {"inputs": {"a b": 1}}], ids=str
+)
+def test_schema_refuses_a_document_that_the_checks_refuse(schema: Any, more: dict[str, Any]) -> None:
+    document = {"version": 1, "stages": [{"stage": "scan.fuse"}]} | more
+    assert not schema.is_valid(document)
+    with pytest.raises(WorkbenchError):
+        Pipeline(document)
+
+
 def test_pages_are_up_to_date() -> None:
     """If this fails: python -m scripts.stage_pages"""
     folder = ROOT / "docs" / "stages"

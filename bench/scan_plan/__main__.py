@@ -43,13 +43,12 @@ def summary(rows: Sequence[Row], _: Any) -> Iterator[str]:
     seconds = [row["seconds"] for row in made]
     lit = sum(row["promised"] + row["missed"]["unseen"] > 1.0 - 1e-9 for row in made)
     yield (
-        f"{len(rows)} parts, {len(rows) - len(made)} without any pass; all of the edge promised in "
-        f"{sum(row['promised'] == 1.0 for row in made)}, all that is seen of it in {lit}. "
-        f"Clamped: {len(clamped)}, of these {missed} with a stretch "
-        f"missed to which light is free from somewhere, {beside} of them with {LIGHT_MM:g} mm "
-        f"beside it. Programs driven by the outsider: of {len(written)} plans, "
-        f"{hit} with a collision. Recordings that the engine refuses: {refused}. Planning: median "
-        f"{np.median(seconds):.1f} s of a core, at most {max(seconds):.1f} s."
+        f"{len(rows)} parts, {len(rows) - len(made)} without any pass. U is promised along the whole edge in "
+        f"{sum(row['promised'] == 1.0 for row in made)}, along its whole visible part in {lit}. Of {len(clamped)} "
+        f"clamped parts {missed} have a stretch that no pass sees though light reaches it from somewhere, {beside} of "
+        f"them with {LIGHT_MM:g} mm to spare. Programs of {len(written)} plans, driven independently: {hit} with a "
+        f"collision. Recordings refused: {refused}. Planning: median {np.median(seconds):.1f} s of a core, at most "
+        f"{max(seconds):.1f} s."
     )
 
 

@@ -22,7 +22,7 @@ from workbench.geometry.blocks import cores
 from workbench.pipeline.run import versions
 
 PAGE = ROOT / "docs" / "benchmarks.md"
-HEAD = ("what; beside what", "result", "goal")
+HEAD = ("measurement; compared with", "result", "goal")
 GROUPS = {  # by name, how the rows are made; of those on one core in a process of their own
     "start": waiting.starting,
     "install": waiting.installing,

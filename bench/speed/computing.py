@@ -136,7 +136,7 @@ def batches(_: Path, count: int = 1000) -> Iterator[Row]:
     what = f"{count:,} small parts, two workers; one worker, {one_s:.3g} s"
     yield Row(what, one_s / two_s, "x faster", 1.8, True)
     own_s = sum(record.seconds for record in records)
-    yield Row("a small part in a warm worker, beside its stages", 1e3 * (one_s - own_s) / count, "ms", goal=50)
+    yield Row("a small part in a warm worker; its stages alone", 1e3 * (one_s - own_s) / count, "ms", goal=50)
     grown = memory[-1] / memory[len(memory) // 10]
     yield Row(f"memory of a worker after {count:,} parts; after a tenth of them", grown, "x as much", goal=1.05)
 

@@ -109,16 +109,16 @@ def prism_truth(recipe: PrismRecipe, seen_x: list[Float]) -> GrooveTruth:
 
 def _sizes(groove: PrismGroove, x: Float) -> GrooveSizes:
     left, right = plate_at(groove, "left", x), plate_at(groove, "right", x)
-    raised, none = course_at(groove.misalignment_mm, x, groove.length_mm), np.full(len(x), np.nan)
+    raised, none = groove.misalignment_mm.at(x, groove.length_mm), np.full(len(x), np.nan)
     has_face = groove.type not in ("I", "V", "HV")
-    face = course_at(groove.root_face_mm, x, groove.length_mm) if has_face else none
+    face = groove.root_face_mm.at(x, groove.length_mm) if has_face else none
     two = groove.type in ("V", "Y", "X", "U")
     corners = {f"left_{name}": getattr(left, name) for name in ("upper", "root", "lower")}
     for name in ("root", "lower", "upper"):
         place = getattr(right, name)
         corners[f"right_{name}"] = np.stack([-place[:, 0], place[:, 1] + raised], axis=1)
     return GrooveSizes(
-        gap_mm=course_at(groove.gap_mm, x, groove.length_mm),
+        gap_mm=groove.gap_mm.at(x, groove.length_mm),
         root_face_left_mm=face,
         root_face_right_mm=face if two else none,
         bevel_left_deg=left.bevel / DEG,
@@ -157,17 +157,11 @@ class Plate:
     bevel: Shaped[Float, " k"]  # rad, NaN: none
 
 
-def course_at(course: Course, x: Float, length: float) -> Float:
-    """A value along the groove at x."""
-    wave = np.sin(2 * math.pi * x / course.wavelength_mm + course.phase_deg * DEG)
-    return np.asarray(course.start + (course.end - course.start) * x / length + course.amplitude * wave)
-
-
 def plate_at(groove: PrismGroove, side: str, x: Float) -> Plate:
     """The section of the `left` or `right` plate at x (k,)."""
 
     def at(course: Course) -> Float:
-        return course_at(course, x, groove.length_mm)
+        return course.at(x, groove.length_mm)
 
     def point(a: Float, b: Float) -> Float:
         return np.stack([a + 0 * x, b + 0 * x], axis=-1)
@@ -226,7 +220,7 @@ def _section_hit(groove: PrismGroove, x: Float, o: Float, w: Float, after: float
         plate, mirror = plate_at(groove, side, x), np.array([1.0, 1.0] if side == "left" else [-1.0, 1.0])
         raised = np.zeros((len(x), 2))
         if side == "right":
-            raised[:, 1] = course_at(groove.misalignment_mm, x, groove.length_mm)
+            raised[:, 1] = groove.misalignment_mm.at(x, groove.length_mm)
         start, go = (o - raised) * mirror, w * mirror
         lines = [
             (plate.far[:, 0], plate.foot, OTHER),

@@ -17,7 +17,10 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
+import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+from workbench.units import DEG, Float
 
 _MOST = 1e5  # no length, angle or rate of a recipe is greater
 _MOST_FRAMES, _MOST_POSES = 1_000_000, 5_000_000
@@ -44,6 +47,11 @@ class Course(Strict):
     amplitude: Number = 0.0
     wavelength_mm: Positive = 100.0
     phase_deg: Number = 0.0
+
+    def at(self, s: Float, length_mm: float) -> Float:
+        """The values at s, mm from the start of an edge of this length."""
+        wave = self.amplitude * np.sin(2 * math.pi * s / self.wavelength_mm + self.phase_deg * DEG)
+        return np.asarray(self.start + (self.end - self.start) * s / length_mm + wave)
 
     @property
     def lowest(self) -> float:

@@ -21,7 +21,6 @@ from scipy.interpolate import CubicHermiteSpline
 
 from bench.simulators.swept.recipe import GroovePart, Spine, SweptPart
 from workbench.synthetic.groove_truth import GrooveSizes
-from workbench.synthetic.recipe import Course
 from workbench.units import DEG, AnyArray, Float, Int, Shaped
 
 STEP = 1e-30
@@ -56,7 +55,7 @@ class Curve:
         within = np.mod(s, self.length) if self.closed else np.clip(s, 0.0, self.length)
         position, t, n0, m0 = _frame(self.part.spine, self.at(within))
         position = position + (0.0 if self.closed else 1.0) * (s - within)[:, None] * t
-        turn = along(self.part.twist_deg, within, self.length)[:, None] * DEG
+        turn = self.part.twist_deg.at(within, self.length)[:, None] * DEG
         n, m = np.cos(turn) * n0 + np.sin(turn) * m0, np.cos(turn) * m0 - np.sin(turn) * n0
         return Frames(s, position, t, n, m, n0, m0)
 
@@ -78,13 +77,6 @@ def curve_of(part: SweptPart | GroovePart) -> Curve:
     turn = stop if spine.shape == "saddle" or (spine.shape == "arc" and spine.rise_mm == 0) else 0.0
     at = CubicHermiteSpline(s, u, 1.0 / np.linalg.norm(_derivative(spine, u), axis=1))
     return Curve(part, at, float(s[-1]), closed=abs(turn - 2 * math.pi) < 1e-6)
-
-
-def along(course: Course, s: Float, length: float) -> Float:
-    """The values of a course at arc lengths s of an edge of `length` mm."""
-    share = np.asarray(s) / length
-    phase = 2 * math.pi * np.asarray(s) / course.wavelength_mm + course.phase_deg * DEG
-    return np.asarray(course.start + (course.end - course.start) * share + course.amplitude * np.sin(phase))
 
 
 def _parameter_range(spine: Spine) -> float:
@@ -174,7 +166,7 @@ class Chain:
 
 def shape_of(part: SweptPart, s: Float, length: float) -> Shape:
     """The sharp section at arc lengths s (k,)."""
-    thickness, wave = (along(c, s, length) for c in (part.thickness_mm, part.wave_mm))
+    thickness, wave = (c.at(s, length) for c in (part.thickness_mm, part.wave_mm))
     reach, zero = np.full(len(s), part.reach_mm), np.zeros(len(s))
     behind_low, behind_high = np.stack([-reach, zero], axis=1), np.stack([-reach, thickness], axis=1)
     lower = np.stack([wave, zero], axis=1)
@@ -182,7 +174,7 @@ def shape_of(part: SweptPart, s: Float, length: float) -> Shape:
         top = np.stack([wave, thickness], axis=1)
         bevel = np.full(len(s), np.nan)
         return Shape(np.stack([behind_low, lower, top, behind_high], axis=1), (LOWER, ROOT, UPPER), bevel)
-    root, bevel = along(part.root_mm, s, length), along(part.bevel_deg, s, length) * DEG
+    root, bevel = part.root_mm.at(s, length), part.bevel_deg.at(s, length) * DEG
     if part.preparation != "bevel":
         faces, above = _prepared(part, s, length, root, bevel, thickness)
         corner = np.stack([behind_low, lower, *above, behind_high], axis=1)
@@ -200,11 +192,11 @@ def _prepared(
     """Faces from the root face's upper edge to the upper surface, and their corners (k, 2), both ends included."""
     zero = np.zeros(len(s))
     if part.preparation == "compound":
-        faces, foot = (BEVEL, UPPER_BEVEL), root + along(part.lower_bevel_mm, s, length)
-        start, steep = -(foot - root) * np.tan(bevel), along(part.upper_bevel_deg, s, length) * DEG
+        faces, foot = (BEVEL, UPPER_BEVEL), root + part.lower_bevel_mm.at(s, length)
+        start, steep = -(foot - root) * np.tan(bevel), part.upper_bevel_deg.at(s, length) * DEG
     else:
         faces, foot, steep = (LAND, BEVEL), root, bevel
-        start = -along(part.land_mm, s, length)
+        start = -part.land_mm.at(s, length)
         if part.preparation == "J":  # the fillet touches land and bevel; without it they would meet here
             start = start - part.root_radius_mm * np.tan((math.pi / 2 - bevel) / 2)
     top = start - (thickness - foot) * np.tan(steep)
@@ -215,13 +207,13 @@ def preparation_sizes(part: SweptPart, s: Float, length: float) -> dict[str, Flo
     """The sizes of a milled plate's preparation at arc lengths s (k,), by the names of `preparation.json`."""
     shape = shape_of(part, s, length)
     top = shape.corner[:, -2]
-    root, bevel = along(part.root_mm, s, length), along(part.bevel_deg, s, length)
+    root, bevel = part.root_mm.at(s, length), part.bevel_deg.at(s, length)
     sizes = {"root_face_mm": root, "bevel_deg": bevel, "depth_mm": top[:, 1] - root, "width_mm": -top[:, 0]}
     if part.preparation == "compound":
-        sizes["upper_bevel_deg"] = along(part.upper_bevel_deg, s, length)
-        sizes["lower_bevel_mm"] = along(part.lower_bevel_mm, s, length)
+        sizes["upper_bevel_deg"] = part.upper_bevel_deg.at(s, length)
+        sizes["lower_bevel_mm"] = part.lower_bevel_mm.at(s, length)
     if part.preparation in ("nose", "J"):
-        sizes["land_mm"] = along(part.land_mm, s, length)
+        sizes["land_mm"] = part.land_mm.at(s, length)
     if part.preparation == "J":
         sizes["root_radius_mm"] = np.full(len(s), part.root_radius_mm)
     return sizes
@@ -342,7 +334,7 @@ def is_square(part: GroovePart, side: str) -> bool:
 
 def plate_section(part: GroovePart, side: str, s: Float, length: float) -> PlateSection:
     """The section of the `left` or `right` plate at arc lengths s (k,)."""
-    thickness, half = along(part.thickness_mm, s, length), along(part.gap_mm, s, length) / 2
+    thickness, half = part.thickness_mm.at(s, length), part.gap_mm.at(s, length) / 2
     none = np.full(len(s), np.nan)
     edge = -half
     far = [np.stack([edge - part.reach_mm, b], axis=1) for b in (np.zeros(len(s)), thickness)]
@@ -351,10 +343,10 @@ def plate_section(part: GroovePart, side: str, s: Float, length: float) -> Plate
         corner = np.stack([far[0], low, high, far[1]], axis=1)
         outline = Outline(corner, (LOWER, ROOT, UPPER), (0.0, 0.0, part.upper_radius_mm, 0.0))
         return PlateSection(low, high, high, outline, none, none)
-    face = along(getattr(part, f"root_face_{side}_mm"), s, length)
+    face = getattr(part, f"root_face_{side}_mm").at(s, length)
     if part.groove in ("V", "HV"):
         face = np.zeros(len(s))
-    bevel = along(getattr(part, f"bevel_{side}_deg"), s, length) * DEG
+    bevel = getattr(part, f"bevel_{side}_deg").at(s, length) * DEG
     under = part.under_depth_mm if part.groove in ("X", "K") else 0.0
     low = np.stack([edge, np.full(len(s), under)], axis=1)
     root = low + np.stack([np.zeros(len(s)), face], axis=1)
@@ -385,7 +377,7 @@ def groove_chains(part: GroovePart, s: Float, length: float) -> list[Chain]:
     """The polylines of both plates."""
     left = chain_of(plate_section(part, "left", s, length).outline)
     right = chain_of(plate_section(part, "right", s, length).outline)
-    raised = along(part.misalignment_mm, s, length)[:, None]
+    raised = part.misalignment_mm.at(s, length)[:, None]
     points = mirrored(right.points[:, ::-1], raised)
     return [left, Chain(points, right.face[::-1] + RIGHT, right.across[:, ::-1])]
 
@@ -400,7 +392,7 @@ def groove_sizes(part: GroovePart, s: Float, length: float) -> GrooveSizes:
     plate (both: the mean); an I groove has none. The width is taken between the upper edges, across.
     """
     left, right = (plate_section(part, side, s, length) for side in ("left", "right"))
-    raised = along(part.misalignment_mm, s, length)
+    raised = part.misalignment_mm.at(s, length)
     none = np.full(len(s), np.nan)
     bevels = np.stack([left.bevel, right.bevel])
     depths = np.stack([p.upper[:, 1] - p.root[:, 1] for p in (left, right)])
@@ -409,7 +401,7 @@ def groove_sizes(part: GroovePart, s: Float, length: float) -> GrooveSizes:
     corners = {f"left_{name}": getattr(left, name) for name in ("upper", "root", "lower")}
     corners |= {f"right_{name}": mirrored(getattr(right, name), raised) for name in ("root", "lower", "upper")}
     return GrooveSizes(
-        gap_mm=along(part.gap_mm, s, length),
+        gap_mm=part.gap_mm.at(s, length),
         root_face_left_mm=left.root_face_mm,
         root_face_right_mm=right.root_face_mm,
         bevel_left_deg=left.bevel / DEG,

@@ -13,14 +13,13 @@ from bench.simulators.swept.recipe import GrooveRecipe, ScanRecipe, SweptRecipe
 from bench.simulators.swept.scanner import Relief
 from bench.simulators.swept.sweep import (
     Curve,
-    along,
     groove_sizes,
     preparation_sizes,
     shape_of,
     virtual_edges,
 )
 from workbench.synthetic.groove_truth import PLACES, GrooveTruth, Stations, rounded
-from workbench.synthetic.workpiece import pose
+from workbench.synthetic.workpiece import pose, seen_near
 from workbench.units import DEG, Bool, Float, Shaped
 
 STATION_MM = 0.25
@@ -74,7 +73,7 @@ def truth_of(recipe: SweptRecipe, curve: Curve, relief: Relief | None, seen_s: l
     frames = curve.stations(round(curve.length / STATION_MM) + 1)
     s = frames.s
     edges = virtual_edges(part, shape_of(part, s, curve.length))
-    thickness = along(part.thickness_mm, s, curve.length)
+    thickness = part.thickness_mm.at(s, curve.length)
     lower, upper = edges.lower.copy(), edges.upper.copy()
     lean = np.zeros(len(s))
     if relief is not None:
@@ -158,12 +157,5 @@ def local_plane(height: Float, station_mm: float) -> tuple[Float, Float]:
 
 
 def _seen(s: Float, seen_s: list[Float], recipe: ScanRecipe, curve: Curve) -> Bool:
-    """Stations within three quarters of the frame pitch of a frame that sees the edge."""
-    seen = np.zeros(len(s), dtype=bool)
-    for at in seen_s:
-        if curve.closed:
-            at = np.concatenate([at, at + curve.length, at - curve.length])
-        at = np.concatenate([[-np.inf], np.sort(at), [np.inf]])
-        after = np.searchsorted(at, s)
-        seen |= np.minimum(s - at[after - 1], at[after] - s) <= 0.75 * recipe.robot.frame_pitch_mm + 1e-9
-    return seen
+    turns = (0.0, curve.length, -curve.length) if curve.closed else (0.0,)
+    return seen_near(s, [np.concatenate([at + t for t in turns]) for at in seen_s], recipe.robot.frame_pitch_mm)

@@ -56,9 +56,11 @@ from bench.simulators.swept.sweep import (
     is_square,
 )
 from bench.simulators.swept.truth import SweptTruth, groove_truth, truth_of
-from workbench.artefacts import Part, Recording
+from workbench.artefacts import Recording
 from workbench.errors import InputError
+from workbench.recording_file import Frames
 from workbench.synthetic import GrooveTruth
+from workbench.synthetic.scan import recorded
 from workbench.units import AnyArray, Bool, Float, Float32
 
 BLOCK_FRAMES = 128
@@ -121,8 +123,8 @@ def _scanned(
             light.append(bright)
             here.append(edge_seen(profiles))
         seen.append(np.concatenate(here))
-    recording = _recording(recipe, motions, np.concatenate(x), np.concatenate(z), np.concatenate(light))
-    return recording, seen
+    grids = Frames(np.concatenate(x), np.concatenate(z), np.concatenate(light) if recipe.scanner.intensity else None)
+    return recorded(motions, grids, recorded_hand_eye(recipe), recipe.part_id), seen
 
 
 def _textures(texture: Texture, rng: np.random.Generator) -> dict[int, Relief]:
@@ -161,26 +163,6 @@ def _groove_seen(profiles: Profiles, part: GroovePart) -> Float:
     used = on & np.isin(profiles.face, faces)
     middle = np.where(used, profiles.s, 0.0).sum(axis=1) / np.maximum(used.sum(axis=1), 1)
     return np.asarray(middle[enough])
-
-
-def _recording(recipe: AnyRecipe, motions: list[Motion], x: Float32, z: Float32, light: AnyArray) -> Recording:
-    def passes(counts: list[int]) -> AnyArray:
-        return np.repeat(np.arange(len(counts)), counts)
-
-    return Recording(
-        source="synthetic",
-        time_s=np.concatenate([m.time_s for m in motions]),
-        x_mm=x,
-        z_mm=z,
-        pass_index=passes([len(m.time_s) for m in motions]),
-        robot_time_s=np.concatenate([m.pose_time_s for m in motions]),
-        robot_position_mm=np.concatenate([m.position_mm for m in motions]),
-        robot_quaternion_wxyz=np.concatenate([m.quaternion_wxyz for m in motions]),
-        robot_pass=passes([len(m.pose_time_s) for m in motions]),
-        flange_from_profiler=recorded_hand_eye(recipe),
-        intensity=light if recipe.scanner.intensity else None,
-        part=Part(part_id=recipe.part_id, sensor="synthetic", robot="synthetic", simulated=True),
-    )
 
 
 # Ranges that are wrong for what the part is: second returns of a face, and one flank seen in the other.

@@ -98,9 +98,9 @@ def generator(recipe: Recipe, *key: int, repeat: int = 0) -> np.random.Generator
     return np.random.default_rng([recipe.seed, *key, *([repeat] if repeat else [])])
 
 
-def recorded_hand_eye(recipe: Recipe) -> Float:
+def recorded_hand_eye(recipe: Recipe, key: int = 2) -> Float:
     """flange_from_profiler as the recording states it: the true one, off by the recipe's errors (per axis)."""
-    robot, rng = recipe.robot, generator(recipe, 2)
+    robot, rng = recipe.robot, generator(recipe, key)
     turn = scipy.spatial.transform.Rotation.from_rotvec(
         rng.normal(0.0, 1.0, 3) * robot.hand_eye_error_deg * DEG
     ).as_matrix()

@@ -259,14 +259,6 @@ def moves(recipe: AnyRecipe, curve: Curve) -> list[Motion]:
     return motions
 
 
-def recorded_hand_eye(recipe: AnyRecipe) -> Float:
-    """flange_from_profiler as the recording states it."""
-    robot, rng = recipe.robot, np.random.default_rng([recipe.seed, 12])
-    true = pose(robot.flange_from_profiler)
-    turn = Rotation.from_rotvec(rng.standard_normal(3) * robot.hand_eye_error_deg * DEG).as_matrix()
-    return pose_from(turn @ true[:3, :3], true[:3, 3] + rng.standard_normal(3) * robot.hand_eye_error_mm)
-
-
 def _move(recipe: AnyRecipe, curve: Curve, way: Way, start_s: float, rng: np.random.Generator) -> Motion:
     robot = recipe.robot
     turns = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(way.way_mm)))])  # way gone at each turning point

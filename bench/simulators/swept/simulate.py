@@ -24,7 +24,6 @@ from bench.simulators.swept.scanner import (
     OTHER,
     Hits,
     Mesh,
-    Motion,
     Piece,
     Profiles,
     Relief,
@@ -36,7 +35,6 @@ from bench.simulators.swept.scanner import (
     mesh_of,
     moves,
     plate_mesh,
-    recorded_hand_eye,
     relief_of,
     see,
     sheet,
@@ -60,7 +58,7 @@ from workbench.artefacts import Recording
 from workbench.errors import InputError
 from workbench.recording_file import Frames
 from workbench.synthetic import GrooveTruth
-from workbench.synthetic.scan import recorded
+from workbench.synthetic.scan import recorded, recorded_hand_eye
 from workbench.units import AnyArray, Bool, Float, Float32
 
 BLOCK_FRAMES = 128
@@ -124,7 +122,7 @@ def _scanned(
             here.append(edge_seen(profiles))
         seen.append(np.concatenate(here))
     grids = Frames(np.concatenate(x), np.concatenate(z), np.concatenate(light) if recipe.scanner.intensity else None)
-    return recorded(motions, grids, recorded_hand_eye(recipe), recipe.part_id), seen
+    return recorded(motions, grids, recorded_hand_eye(recipe, 12), recipe.part_id), seen
 
 
 def _textures(texture: Texture, rng: np.random.Generator) -> dict[int, Relief]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from itertools import combinations, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from workbench.checks.limits import Bound, check
 from workbench.checks.motion import twisted
 from workbench.geometry.medians import median, medians
 from workbench.geometry.poses import vector_from_rotation
-from workbench.units import DEG, Float, Int, Shaped
+from workbench.units import DEG, Bool, Float, Int, Shaped
 
 SURE = 5.0  # of a difference of every second frame, times its standard uncertainty
 LEAST_FRAMES = 48  # that tell how frames go together
@@ -107,8 +108,9 @@ def late_of(face: FaceAlong, pose: Float, time_s: Float, passes: Int) -> Late:
     A plate does not turn or bend to and fro as a scanner does. What the face's direction leaves of a slow twist, and of
     what goes with the orientation itself, is compared with the rate at which the poses turn about the edge, and what
     its place leaves of a slow bend with the rate at which they carry it: by a constant offset, and by one that walks.
+    What two passes show alike at the same places is the plate's.
     """
-    offset, unsure, by_turn, rate, oblique = np.zeros((5, face.s.size))
+    offset, unsure, by_turn, rate, oblique, turned = np.zeros((6, face.s.size))
     still_mm = np.zeros((face.s.size, 3))
     found = Late(offset, unsure, by_turn, rate, oblique, still_mm, still_mm.copy(), passes)
     for number in np.unique(passes):
@@ -127,6 +129,7 @@ def late_of(face: FaceAlong, pose: Float, time_s: Float, passes: Int) -> Late:
         if turns or moves:  # by what is more certain
             found.offset_s[mine] = still if moves > turns else _walk(mine.size) @ coefficient
         found.by_turn[mine], found.unsure_s[mine] = turns > 0.0, _unsure(mine.size, (turning, moving))
+        turned[mine] = found.offset_s[mine] * found.by_turn[mine] * rate
         along = np.einsum("nji,nj->ni", rotation, np.cross(here.normal, here.tangent))
         found.rate[mine] = (_turned(rotation, here.normal, span) * along).sum(axis=1)
         across = flow - (flow * here.tangent).sum(axis=1, keepdims=True) * here.tangent
@@ -134,7 +137,35 @@ def late_of(face: FaceAlong, pose: Float, time_s: Float, passes: Int) -> Late:
         found.flow_mm_s[mine], found.slow_mm_s[mine] = across, slow @ (slow.T @ across)
         oblique = np.linalg.norm(_turned(rotation, here.tangent, span), axis=1)
         found.oblique_rate[mine] = _rms(oblique) + bends
+    for pair in combinations(np.unique(passes), 2):
+        if _both_show(face, turned, [passes == number for number in pair]):
+            here = np.isin(passes, pair)
+            found.offset_s[here], found.by_turn[here] = 0.0, 0.0
     return found
+
+
+def _both_show(face: FaceAlong, turned: Float, pair: list[Bool]) -> bool:
+    """Whether a pair of passes shows the same turns of a face, which late poses would have `turned` (N,) unlike."""
+    on = [mine & np.isfinite(face.s) & np.isfinite(face.angle) for mine in pair]
+    if not all(mine.any() for mine in on) or not any(turned[mine].any() for mine in on):
+        return False
+    low, high = max(face.s[mine].min() for mine in on), min(face.s[mine].max() for mine in on)
+    edges = np.linspace(low, high, LEAST_BINS + 1)
+    found = np.full((2, 2, LEAST_BINS), np.nan)  # by pass: the direction, and what of it would be late poses'
+    for k, mine in enumerate(on):
+        for b, (a, z) in enumerate(pairwise(edges)):
+            here = mine & (face.s >= a) & (face.s <= z)
+            if here.any():
+                found[k, :, b] = median(face.angle[here]), turned[here].mean()
+    shown, late = found[0] - found[1]
+    both = np.isfinite(shown + late)
+    if both.sum() < LEAST_BINS // 2:
+        return False
+    shown, late = (of[both] - of[both].mean() for of in (shown, late))
+    size = max(float(late @ late), 1e-30)
+    share = float(shown @ late) / size
+    off = shown - share * late
+    return share + SURE * math.sqrt(float(off @ off) / (both.sum() - 2) / size) < 0.5
 
 
 def late_check(late: Late, limits: Mapping[str, Bound] | None = None) -> Check:

@@ -1,0 +1,27 @@
+"""What two passes show alike at the same places is the plate, whatever the clocks do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.checks.test_late import FRAMES, TIME, late
+from workbench.checks.residuals import late_check
+from workbench.units import DEG
+
+SWAY_S = 0.21  # in which the scanner sways about the edge by a radian of its wave
+
+
+@pytest.mark.parametrize("lag_s", [-0.04, 0.02])
+def test_a_plate_that_twists_as_the_scanner_sways_is_no_late_clock_where_a_second_pass_shows_it(lag_s: float) -> None:
+    """Refused: a wave of 44 mm in the end face, as if poses came -0.58 to 0.59 s late."""
+    twist = lag_s / SWAY_S * DEG * np.cos(TIME / SWAY_S)  # what so late poses would make of a plane in the first pass
+    assert not late_check(late(np.zeros(FRAMES), twist)).passed
+    assert late_check(late(np.zeros(FRAMES), twist, passes=2)).passed
+
+
+@pytest.mark.parametrize("offset_s", [-0.04, 0.03])
+def test_poses_that_come_late_are_refused_by_two_passes_too(offset_s: float) -> None:
+    found = late(np.full(FRAMES, offset_s), passes=2)
+    assert np.median(found.offset_s) == pytest.approx(offset_s, abs=0.01)
+    assert not late_check(found).passed

@@ -139,8 +139,8 @@ def late_of(face: FaceAlong, pose: Float, time_s: Float, passes: Int) -> Late:
         found.oblique_rate[mine] = _rms(oblique) + bends
     for pair in combinations(np.unique(passes), 2):
         if _both_show(face, turned, [passes == number for number in pair]):
-            here = np.isin(passes, pair)
-            found.offset_s[here], found.by_turn[here] = 0.0, 0.0
+            both = np.isin(passes, pair)
+            found.offset_s[both], found.by_turn[both] = 0.0, 0.0
     return found
 
 

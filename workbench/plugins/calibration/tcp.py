@@ -145,6 +145,7 @@ def tcp(
     place, spread = found.at.reshape(-1, 3), found.covariance[:t, :t]
     of = [spread[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] for k in range(len(names))]
     _check_reach(place, names, least_reach_mm, str(touches))
+    _check_sense(place, len(names), str(touches))
     apart = noisy(found, "the touches", "is the tool loose, a pose or its unit wrong, the robot less accurate?")
     widest, ask = [estimator.worst(one) for one in of], apart or ("turn the flange about axes across that direction",)
     for name, worst in zip(names, widest, strict=True):
@@ -304,6 +305,17 @@ def _check_reach(place: Float, names: tuple[str, ...], least_mm: float, where: s
                 f"the tool point '{name}' would lie {reach:.3g} mm from the flange's middle, expected {least_mm:g} mm "
                 "or more (least_reach_mm): are positions in mm, and the flange's?",
             )
+
+
+def _check_sense(place: Float, tools: int, where: str) -> None:
+    """Inverted poses fit as well: tool points and references, flange and base change their places."""
+    tool, reference = (float(np.linalg.norm(one, axis=1).min()) for one in (place[:tools], place[tools:]))
+    if tool > reference:
+        raise InputError(
+            where,
+            f"the tool would reach {tool:.0f} mm from the flange, to a reference only {reference:.0f} mm from the "
+            "robot's base: are the poses inverted (flange_from_base)?",
+        )
 
 
 def _tip_nearest(place: Float, names: tuple[str, ...]) -> tuple[str, ...]:

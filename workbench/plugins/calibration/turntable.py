@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
 from typing import Annotated
@@ -58,6 +59,10 @@ SURE = 5.0  # standard uncertainties by which the angles are not the table's
 UPRIGHT = 0.7  # of the axis' z: nearer to the vertical than to the horizontal
 CHECKED = 0.01  # u of the angles' scale, up to which the points check it
 CHANCE = 0.01  # that markers at rest count as drifting
+MOST_TIMES = math.log(100.0)  # the stated noise of angles, or of points
+AT_REST = 1e-3  # of the points' noise: as good as no drift, whatever the order of the rows
+FREE = 1e3  # likewise: no prior
+UNLIKELY = 4.0  # gain of log-likelihood, from which angles are noisier than stated, or a markers drift
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,18 +88,26 @@ class Axis:
     point_mm: Shaped[Float, " 3"]
     frame: Shaped[Float, "3 3"]  # rows: two unit vectors square to the axis, those of the covariance, and its direction
     marker_mm: Shaped[Float, "k 3"]  # from the point
+    drift_mm: Shaped[Float, " 3"]  # of all markers, from the first row to the last
 
 
 class _Turning:
-    """Marker q at angle a lies at c + R(d, a) q: unknown are c and d, each along two axes, and the markers."""
+    """Marker q at angle a lies at c + R(d, a) q + D t: unknown are c and d, each along two axes, drift D and markers.
 
-    def __init__(self, marks: Marks, angle_noise: float) -> None:
-        self.marks, self.angle_noise = marks, angle_noise
+    The table's angle at a stop errs once for all markers there. The drift's prior is 0, with `drift` times the points'
+    noise as u.
+    """
+
+    def __init__(self, marks: Marks, angle_noise: float, drift: float = AT_REST) -> None:
+        self.marks, self.angle_noise, self.drift = marks, angle_noise, drift
         self.alike = estimator.alike(marks.marker, np.abs(marks.angle[:, None] - marks.angle), SAME_ANGLE)
         self.middle = marks.point_mm.mean(axis=0)
+        stops, self.stop = np.unique(np.round(marks.angle / SAME_ANGLE), return_inverse=True)
+        self.stops, self.time = len(stops), np.argsort(np.argsort(marks.lines)) / (len(marks.lines) - 1) - 0.5
 
     def predicted(self, at: Axis) -> Float:
-        return np.asarray(at.point_mm + np.einsum("nij,nj->ni", self.turned(at), at.marker_mm[self.marks.marker]))
+        there = np.einsum("nij,nj->ni", self.turned(at), at.marker_mm[self.marks.marker])
+        return np.asarray(at.point_mm + there + self.time[:, None] * at.drift_mm)
 
     def turned(self, at: Axis) -> Float:
         return rotation_from_vector(self.marks.angle[:, None] * at.frame[2])
@@ -104,28 +117,36 @@ class _Turning:
         return np.asarray(np.cross(at.frame[2], self.marks.point_mm - at.point_mm))
 
     def rows(self, at: Axis) -> estimator.Rows:
-        n, size = len(self.alike), 4 + 3 * self.marks.markers
-        sway = self.angle_noise * self.sway(at)
-        covariance = (self.marks.places.covariance + sway[:, :, None] * sway[:, None, :]) * self.alike[:, None, None]
-        slope = np.zeros((n, 3, size))
+        n, size = len(self.alike), 7 + 3 * self.marks.markers
+        alone = self.marks.places.covariance * self.alike[:, None, None]
+        sway = self.angle_noise * self.sway(at)[..., None]
+        shared = estimator.Shared(np.arange(n), alone, sway, self.stop, np.zeros(n), self.stops, np.zeros((n, 3, 0)))
+        slope, prior = np.zeros((n, 3, size)), np.zeros((size, size))
         slope[:, :, :2] = at.frame[:2].T
         slope[:, :, 2:4] = estimator.jacobian_of(lambda turn: self.predicted(_turned(at, turn)), np.full(2, STEP))
-        column = 4 + 3 * self.marks.marker[:, None] + np.arange(3)
+        slope[:, :, 4:7] = self.time[:, None, None] * np.eye(3)
+        column = 7 + 3 * self.marks.marker[:, None] + np.arange(3)
         slope[np.arange(n)[:, None], :, column] = np.swapaxes(self.turned(at), 1, 2)
-        residual = self.marks.point_mm - self.predicted(at)
-        return estimator.Rows(residual, slope, covariance, 3.0 / self.alike, np.zeros((size, size)), np.zeros(size))
+        prior[4:7, 4:7] = np.linalg.inv(self.drift**2 * self.marks.places.covariance.mean(axis=0))
+        away = np.zeros(size)
+        away[4:7] = -at.drift_mm
+        residual, covariance = self.marks.point_mm - self.predicted(at), alone + sway @ np.swapaxes(sway, 1, 2)
+        return estimator.Rows(residual, slope, covariance, 3.0 / self.alike, prior, away, (shared,))
 
     def moved(self, at: Axis, step: Float) -> Axis:
         """The point stays where the axis is nearest to the middle of all points."""
         then = _turned(at, step[2:4])
         point = at.point_mm + step[:2] @ at.frame[:2]
         slid = (self.middle - point) @ then.frame[2] * then.frame[2]
-        return replace(then, point_mm=point + slid, marker_mm=at.marker_mm + step[4:].reshape(-1, 3) - slid)
+        markers, drift = at.marker_mm + step[7:].reshape(-1, 3) - slid, at.drift_mm + step[4:7]
+        return replace(then, point_mm=point + slid, marker_mm=markers, drift_mm=drift)
 
     def begun(self) -> Axis:
         """The best of fits from directions all about: for one direction point and markers follow at once."""
         zero = np.zeros((self.marks.markers, 3))
-        starts = [Axis(self.middle, beside(one), zero) for one in Rotation.create_group("I").as_matrix()[:, 2]]
+        starts = [
+            Axis(self.middle, beside(one), zero, np.zeros(3)) for one in Rotation.create_group("I").as_matrix()[:, 2]
+        ]
         rough = sorted((estimator.fit(self, one, steps=2) for one in starts), key=lambda one: one.chi2)
         best = min((estimator.fit(self, one.at) for one in rough[:TRIED]), key=lambda one: one.chi2).at
         return replace(best, frame=beside(best.frame[2]))  # the same from whatever start
@@ -151,8 +172,8 @@ def turntable(
     """Determine a turntable's axis in the base from markers measured at two or more angles.
 
     Marker q at angle a lies at c + R(d, a) (q - c): least squares over direction d, axis point c and markers. Angles
-    less than 0.1 deg apart weigh as one; a point off by 5 standard deviations is left out, with the cause. A drift D
-    across the axis adds D D^T / 12 to its covariance. `turntable.json`: docs/howto/calibrate_tool.md.
+    less than 0.1 deg apart weigh as one; a point off by 5 standard deviations is left out, with the cause. An even
+    drift over the rows and the error of each angle are unknowns. `turntable.json`: docs/howto/calibrate_tool.md.
 
     Args:
         profiles: of scanned spheres: circles from `calibrate.circles`.
@@ -188,14 +209,15 @@ def turntable(
     labels = estimator.Labels(str(marks), every.lines, ask=ASKED)
     table = _Turning(every, angle_noise_deg * DEG)
     _check_count(every, table.alike, str(marks))
-    found, left_out = estimator.without_blunders(table, table.begun(), labels, spare=estimator.LEAST_FREEDOM + 3)
+    table, start = _as_noisy(table)
+    found, left_out = estimator.without_blunders(table, start, labels, spare=estimator.LEAST_FREEDOM + 3)
     check_misfit(found, labels)
     if not np.isin(np.arange(every.markers), every.marker[found.used]).all():
         raise InputError(str(marks), "a marker was measured at one angle only, and contradicts the others")
     axis, shift = found.at, found.carried(every.places.shared)[:4]
     covariance = found.covariance[:4, :4] + shift @ shift.T
-    drift_mm, apart = _drift(found, every.lines)
-    covariance[:2, :2] += np.outer(drift_mm, drift_mm) / 12.0  # any time between first and last row is as likely
+    spread_mm2, apart = _drift(found)
+    covariance[:2, :2] += spread_mm2 / 12.0  # any time between first and last row is as likely
     turned_more = table.sway(axis) * (every.angle - every.angle[found.used].mean())[:, None]
     (scale,), ((variance,),) = found.tested(turned_more[..., None])
     scale_u = math.sqrt(variance)
@@ -240,14 +262,42 @@ def turntable(
     return results(TurntableFile, "Turntable calibration", UNKNOWN_PART.with_names(part), document, html)
 
 
-def _drift(found: estimator.Fit[Axis], lines: tuple[int, ...]) -> tuple[Float, tuple[str, ...]]:
-    """By how much (2,) markers drift across the axis from the first row to the last, and the warning; 0: by chance."""
-    time = np.argsort(np.argsort(lines)) / (len(lines) - 1) - 0.5
-    drift, covariance = found.tested(time[:, None, None] * found.at.frame[:2].T)
-    if drift @ np.linalg.solve(covariance, drift) < scipy.special.chdtri(2, CHANCE):
-        return np.zeros(2), ()
-    said = f"the markers drift by {np.hypot(*drift):.2f} mm across the axis from the first row to the last"
-    return drift, (f"{said}: the uncertainties hold that; did base, table or what measures them move or warm up?",)
+def _as_noisy(table: _Turning) -> tuple[_Turning, Axis]:
+    """The table with the noise of its angles, and a drift, as stated or larger, as the points ask; and a first fit."""
+    sound = estimator.sound(table, table.begun())
+
+    def larger(log_times: Float) -> _Turning:
+        angle, drift = np.exp(log_times)
+        return _Turning(table.marks, table.angle_noise * angle, float(drift))
+
+    angle = table.marks.angle - table.marks.angle.mean()
+    scaled = (table.sway(sound.at) * angle[:, None])[..., None]  # angles of another scale are no noise
+
+    def unlikely(log_times: Float) -> float:
+        rows = larger(log_times).rows(sound.at)
+        jacobian, prior = np.concatenate([rows.jacobian, scaled], axis=2), np.pad(rows.prior, (0, 1))
+        rows = replace(rows, jacobian=jacobian, prior=prior, away=np.append(rows.away, 0.0))
+        return 3.0 * float(log_times[1]) - rows.only(sound.used).normal().restricted
+
+    times = np.linspace(0.0, MOST_TIMES, 10)
+    tried = [np.array(one) for one in itertools.product(times, [math.log(AT_REST), *times])]
+    best = min(tried, key=unlikely)
+    if unlikely(best) > unlikely(tried[0]) - UNLIKELY:
+        return table, sound.at
+    moves = best[1] > math.log(AT_REST)
+    return larger(np.array([best[0], math.log(FREE if moves else AT_REST)])), sound.at
+
+
+def _drift(found: estimator.Fit[Axis]) -> tuple[Float, tuple[str, ...]]:
+    """Mean square (2, 2) of the drift across the axis from first row to last, and the warning; 0: by chance."""
+    drift, across = found.at.drift_mm, found.at.frame[:2]
+    if drift @ np.linalg.solve(found.covariance[4:7, 4:7], drift) < scipy.special.chdtri(3, CHANCE):
+        return np.zeros((2, 2)), ()
+    said = f"the markers drift by {np.hypot(*(across @ drift)):.2f} mm across the axis from the first row to the last"
+    why = "the axis is that of halfway, and the uncertainties hold that"
+    return across @ (np.outer(drift, drift) + found.covariance[4:7, 4:7]) @ across.T, (
+        f"{said}: {why}; did base, table or what measures them move or warm up?",
+    )
 
 
 def read_marks(path: InputFile, noise_mm: float, scanner: Scanner | None) -> Marks:

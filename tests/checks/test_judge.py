@@ -277,7 +277,7 @@ def test_a_rough_surface_is_no_filter() -> None:
 def test_means_over_columns_are_seen(columns: int, condition: str) -> None:
     checks = judge_recording(spoilt(good(condition, 43), z_mm=pooled(good(condition, 43), columns)))
     found = next(one for one in checks if one.name == "mean_columns")
-    assert (found.value, found.passed) == (columns, columns <= 3)
+    assert (found.value, found.passed) == (pytest.approx(columns, rel=0.15), columns <= 3)
 
 
 SPHERES = list(spheres.SOUND)
@@ -380,7 +380,7 @@ def test_limits_that_a_user_sets() -> None:
     wide = judge_recording(r, limits={"mean_columns": 6})
     assert [check.name for check in wide if check.loosened] == ["mean_columns"]
     refuse_failed(wide, "r.h5")
-    with pytest.raises(InputError, match=r"averaged .* over 5 columns.*limit 3.3; scan.fuse.limits sets it"):
+    with pytest.raises(InputError, match=r"averaged .* over 5 columns.*limit 3.1; scan.fuse.limits sets it"):
         refuse_failed(judge_recording(r), "r.h5")
 
 

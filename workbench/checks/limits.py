@@ -67,10 +67,10 @@ LIMITS: dict[str, Limit] = {
         "0.04 mm off",
     ),
     "mean_columns": Limit(
-        3.3,
+        3.1,
         "width of a moving mean over the columns of a profile",
         "a mean moves the edge of a face by up to half its width, which is in the uncertainty of the face's end; one "
-        "over more columns, or a Gaussian of 1.5, bends narrow faces",
+        "over more columns, or a Gaussian of 0.9, leaves too little of narrow faces",
     ),
     "held_end_share": Limit(
         0.1,

@@ -72,8 +72,9 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
         return SensorTraces(0.0, 0.0, _filled_share(many, digit))
     if len(pieces) >= LEAST_PIECES and fading(pieces, digit) < FILTERED:  # smoothed: by how far neighbours are alike
         level = _off_trend(pieces, CURVED)
-        alike = _by_lag(level, np.ones(level.shape, bool), LAGS + 1)
-        mean = max(mean, 1.0 + 2.0 * float((alike[1:] * np.cumprod(alike[1:] > 0)).sum() / alike[0]))
+        alike = _by_lag(level, np.ones(level.shape, bool), 3)
+        one, two = alike[0] - alike[1:3] - digit**2 / 12.0
+        mean = max(mean, _gaussian_width(two / one))
     elif len(pieces) >= LEAST_PIECES and mean <= MOST_RESOLVED:
         wiped = wiped_out(pieces)
         mean = (mean or wiped) if wiped else 0.0
@@ -82,6 +83,18 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
         mean_frames=moving_mean(series) if _bends(series) < _bends(z) else 0.0,  # else the part moves in the view
         held_end_share=_filled_share(many, digit),
     )
+
+
+def _gaussian_width(ratio: float) -> float:
+    """Columns of a mean that leaves as much noise as a Gaussian filter, by how much more neighbours' neighbours differ.
+
+    Of what a Gaussian of standard deviation s leaves, noise k columns apart has a correlation of exp(-k^2 / (4 s^2)),
+    and the mean squared differences over two columns and over one have a ratio of 1 + a + a^2 + a^3, a that of
+    neighbours. A cubic taken off changes both alike.
+    """
+    roots = np.roots([1.0, 1.0, 1.0, 1.0 - ratio])
+    neighbours = float(roots[np.abs(roots.imag).argmin()].real)
+    return math.sqrt(-math.pi / math.log(neighbours)) if 0.0 < neighbours < 1.0 else float("inf")
 
 
 def some(grid: AnyArray, count: int = SAMPLE) -> AnyArray:

@@ -26,9 +26,6 @@ FEW_KEY_FRAMES, KEY_FRAMES = 24, 120  # a pass, where they agree, and where not;
 NEIGHBOURS = 8  # frames to each side
 KEY_SPACING = 5  # frames between key frames at the least
 FIRST_SIGMA_MM, NEAR_LINE_MM = 0.03, 0.6  # range noise before it is known; returns this near may be a face's
-# Times the columns that a filter has averaged besides each: a Gaussian of standard deviation s reads as 1 + 1.7 s
-# columns, and 2.5 s from a corner bends a face by 0.002 columns.
-BLURRED = 1.5
 TOGETHER = 0.9  # of the mean of unit directions, that do not turn along the edge
 MAX_LINES = 64  # straight lines kept of one profile
 LABELS = np.array([UPPER_SURFACE, BEVEL_FACE, ROOT_FACE, LOWER_SURFACE])  # in the order of geometry.tracking
@@ -331,7 +328,8 @@ def _follow_pass(
     keys, states = keys[fitting], states[fitting].copy()
     states[:, [0, 3], 2] = common
     sigma = _first_sigmas(x[keys], z[keys], keep[keys], states)
-    blur = BLURRED * (averaged_columns(cloud.checks) - 1.0) * column_pitch_mm(x[keys])
+    wide = averaged_columns(cloud.checks)
+    mean = wide * column_pitch_mm(x[keys]) if wide > 1.0 else 0.0
     for chosen in (keys, np.arange(x.shape[0])):
         n = chosen.size
         sums, end = np.zeros((n, 4, 8)), np.full((n, 5), np.nan)
@@ -339,7 +337,7 @@ def _follow_pass(
         named = labels if whole else np.empty((n, x.shape[1]), np.uint8)
         grid = tracking.Profiles(*((x, z, keep) if whole else (x[chosen], z[chosen], keep[chosen])))
         known = tracking.KeyFrames(keys if whole else np.arange(n), states)
-        faces = tracking.KnownFaces(float(side), sigma, LABELS, rim_mm, blur)
+        faces = tracking.KnownFaces(float(side), sigma, LABELS, rim_mm, mean, math.ceil(0.5 * (wide - 1.0)))
         tracking.follow(grid, known, faces, tracking.Followed(sums, end, seen, named))
         if not whole:
             sigma = tracking.face_sigmas(sums, seen)

@@ -327,38 +327,72 @@ def _enough(sums: Float, face: int, least: int) -> bool:
 
 
 @kernel
+def _sharpened(x: Float32, z: Float32, side: float, state: Float, half_mm: float) -> Float32:
+    """The profile less what a mean over `half_mm` to either side adds beside corners (docs/method.md, 2)."""
+    if not half_mm > 0.0:
+        return z
+    out = z.copy()
+    for f in range(3):
+        if not (state[f, SEEN] and state[f + 1, SEEN]):
+            continue
+        corner, turn = _crossing(state, f, f + 1), side * (state[f + 1, SLOPE] - state[f, SLOPE])
+        for j in range(x.size):
+            within = half_mm - abs(np.float64(x[j]) - corner)
+            if within > 0.0:
+                out[j] -= np.float32(turn * within * within / (4.0 * half_mm))
+    return out
+
+
+@kernel
+def _pure(z: Float32, keep: Bool, reach: int) -> Bool:
+    """Which of the columns (M,) that are kept have returns in `reach` columns to either side.
+
+    A mean over columns is that of another place beside a lost one.
+    """
+    out = keep.copy()
+    if reach > 0:
+        for j in range(z.size):
+            if not np.isfinite(z[j]):
+                out[max(j - reach, 0) : j + reach + 1] = False
+    return out
+
+
+@kernel
 def _follow_frame(x: Float32, z: Float32, keep: Bool, state: Float, faces: KnownFaces, sums: Float, end: Float) -> bool:
     """Settle `state` on one frame in place; write its sums and the root face's end. False: edge not seen."""
-    side, sigma, _, rim_mm, blur_mm = faces
+    side, sigma, _, rim_mm, mean_mm, reach = faces
+    filtered, pure = z, _pure(z, keep, reach)
     width0 = abs(_crossing(state, BEVEL, ROOT) - state[ROOT, END])
     bevel0 = abs(_crossing(state, BEVEL, ROOT) - state[BEVEL, END])
     spans = _spans(x, side, _limits(state, side, 0.0, 0.0))
-    gates, margin = np.empty(4), CORNER_MARGIN_MM + blur_mm
+    least = CORNER_MARGIN_MM + 0.5 * mean_mm
+    gates, margin = np.empty(4), least
     before = state[:, SLOPE].copy()
     plain, moved = False, np.inf
     for step in range(GATES_MM.size + 2):
         if plain and step < GATES_MM.size:  # the widest gate holds one line alone
             continue
+        z = _sharpened(x, filtered, side, state, 0.5 * mean_mm)
         for f in range(4):
             lean = np.sqrt(1.0 + state[f, SLOPE] ** 2)
             settled = FINAL_SIGMAS * sigma[f] + 0.004
             gates[f] = lean * GATES_MM[step] if step < GATES_MM.size else settled
             if step < GATES_MM.size:
                 gates[f] = max(gates[f], settled)
-        _sums(x, z, keep, spans, side, state, _limits(state, side, margin, rim_mm), gates, sums)
+        _sums(x, z, pure, spans, side, state, _limits(state, side, margin, rim_mm), gates, sums)
         if sums[BEVEL, COUNT] < 5 or sums[ROOT, COUNT] < 3:
             return False
         moved = _refit(state, sums, sigma, step > 0)
-        margin = CORNER_MARGIN_MM + blur_mm + CORNER_SIGMAS * _corner_sigma(state, sums[ROOT, COUNT], sigma[ROOT])
+        margin = least + CORNER_SIGMAS * _corner_sigma(state, sums[ROOT, COUNT], sigma[ROOT])
         if step == GATES_MM.size - 1:
-            _onto_most(x, z, keep, spans, side, state, _limits(state, side, margin, rim_mm), before, sigma, sums)
+            _onto_most(x, z, pure, spans, side, state, _limits(state, side, margin, rim_mm), before, sigma, sums)
         if step == 0:  # the frame as a whole may have moved: carry the free ends along with the corner
             _carry_ends(state, width0, bevel0, side)
             plain = not (_is_more_than_one(sums, BEVEL, sigma) or _is_more_than_one(sums, ROOT, sigma))
     limits = _limits(state, side, margin, rim_mm)
     if moved > STILL:
-        _sums(x, z, keep, spans, side, state, limits, gates, sums)
-    _mark_ends(x, z, keep, spans, side, state, limits, gates, sums)
+        _sums(x, z, pure, spans, side, state, limits, gates, sums)
+    _mark_ends(x, z, pure, spans, side, state, limits, gates, sums)
     if not (_enough(sums, BEVEL, 6) and _enough(sums, ROOT, 3)):
         return False
     for k, value in enumerate(root_end(x, z, keep, side, state, sums, gates[ROOT])):
@@ -432,7 +466,8 @@ class KnownFaces(NamedTuple):
     sigma: Shaped[Float, " 4"]  # range noise of each, mm
     names: Shaped[Int, " 4"]  # label of each
     rim_mm: float  # rounded end of the root face that its line leaves out
-    blur_mm: float  # by which a mean over columns mixes what lies on either side of a corner
+    mean_mm: float  # width along x of the sensor's mean over columns; 0: none
+    reach: int  # columns to either side that it takes in
 
 
 class Followed(NamedTuple):
@@ -452,7 +487,7 @@ def _follow_from(
 
     ends (2, 4, 4): states at frames `reach` (2,), on a line between which it starts again where the edge is lost.
     """
-    side, sigma, names, _, _ = faces
+    side, sigma, names, _, _, _ = faces
     sums, end, seen, labels = found
     lost = 0
     for frame in frames:

@@ -14,14 +14,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
+from workbench.artefacts import BEVEL_FACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import hidden_columns_u
 from workbench.edge.end_templates import (
     ALONE,
     FILLS,
     FOOTPRINTS,
+    INCIDENCE_PRIOR,
     ONWARD,
+    OTHERWISE,
     PRIORS,
     QUARTER,
     SIZES,
@@ -33,6 +35,7 @@ from workbench.edge.end_templates import (
     end_phases,
     end_templates,
     free_depths,
+    reaches,
     seen_end,
 )
 from workbench.edge.faces import TrackedFaces
@@ -41,6 +44,7 @@ from workbench.geometry.blocks import as_input
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.course import CHANCE, LEAST_SHARED, stretches
 from workbench.geometry.end_face import BROKEN_MM
+from workbench.geometry.grids import dark_beyond
 from workbench.geometry.medians import medians
 from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
@@ -58,6 +62,7 @@ UNLIKELY = 1e-3  # share of templates that are not cut finer
 CUT_SPREAD, CUT_U, WORN, AROUND = 0.7, 0.015, 0.03, 8.0
 PROOF = 4.5  # log-likelihood over a sharp end from which a break is told by name
 ALIKE_MM, CELL_MM = 0.003, 4.0  # views of passes that differ by less count alike; of edge, in which they share places
+DARK_COLUMNS, SELDOM = np.arange(4, 24), 0.1  # beyond a face's end; share of them that return where no surface does
 MISFIT, ODD_MM = 5.0, 0.002  # standard deviations of a depth; by which the last columns' are off anyway
 
 
@@ -73,13 +78,24 @@ class FaceRim:
     on_line: bool  # where that return's ray meets the line, the end is told; False: at the return
     left_out_mm: float = 0.0  # of the face before that end, along x, that its line does not rest on
     beside: FaceLines | None = None  # the face that it meets in a corner
+    upper: FaceLines | None = None  # the surface beyond that one, square to the face
 
 
 def root_rim(tracked: TrackedFaces, left_out_mm: float = 0.0) -> FaceRim:
     """The lower end of a milled edge's root face; left_out_mm: of it, along x, where its line was fitted elsewhere."""
     root, bevel = tracked.faces[ROOT_FACE], tracked.faces[BEVEL_FACE]
     sense = np.sign(tracked.side * (root.sxz / root.sxx - bevel.sxz / bevel.sxx))  # they meet in a convex corner
-    return FaceRim(root, tracked.side, tracked.root_end[:, 0], tracked.root_end[:, 2], sense, True, left_out_mm, bevel)
+    return FaceRim(
+        root,
+        tracked.side,
+        tracked.root_end[:, 0],
+        tracked.root_end[:, 2],
+        sense,
+        True,
+        left_out_mm,
+        bevel,
+        tracked.faces[UPPER_SURFACE],
+    )
 
 
 def is_free_end(tracked: TrackedFaces) -> Bool:
@@ -378,8 +394,38 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool, footprints: Float) -> EndView:
     if not rim.on_line:  # a return under the line lies that much farther along the face
         further -= float(np.nanmean(last[alike, 1])) * slope / step
     moving = moved > STILL
-    fills = _fills(cloud, rim, frames, moving)
-    return EndView(known, edges * step, math.atan(slope), step, end_phases(moving), further, usual, footprints, fills)
+    fills, lean = _fills(cloud, rim, frames, moving), math.atan(slope)
+    incidences = _incidences(cloud, rim, frames, lean)
+    return EndView(known, edges * step, lean, step, end_phases(moving), further, usual, footprints, fills, incidences)
+
+
+def _incidences(cloud: Cloud, rim: FaceRim, frames: Int, lean: float) -> Float:
+    """Shares (i,) of the greatest incidences that return: below that of the surface square to the face, which does not.
+
+    The face beside it ends in columns that are dark in these frames and live in others.
+    """
+    if rim.upper is None or rim.beside is None or (rim.upper.count[frames] > 2).mean() > SELDOM:
+        return INCIDENCE_PRIOR
+    if not _ends_in_the_dark(cloud, rim.beside, rim.face, frames):
+        return INCIDENCE_PRIOR
+    share = INCIDENCE_PRIOR * (OTHERWISE + (1.0 - OTHERWISE) * (1.0 - reaches(0.5 * math.pi - lean)))
+    return np.asarray(share / share.sum())
+
+
+def _ends_in_the_dark(cloud: Cloud, beside: FaceLines, face: FaceLines, frames: Int) -> bool:
+    """Whether nothing returns beyond what stands beside a face, on its other side, though columns there are live."""
+    frames = frames[beside.count[frames] > 2]
+    if frames.size < LEAST_FRAMES:
+        return False
+    rises = beside.columns[frames].sum(axis=1) > face.columns[frames].sum(axis=1)
+    last = np.where(rises, beside.columns[frames, 1], -beside.columns[frames, 0])
+    beyond = np.abs(last)[:, None] + np.where(rises, 1, -1)[:, None] * DARK_COLUMNS
+    inside = ((beyond >= 0) & (beyond < cloud.keep.shape[1])).all(axis=1)
+    if inside.sum() < LEAST_FRAMES:
+        return False
+    frames, last = frames[inside], last[inside]
+    shown = float(np.take_along_axis(cloud.keep[frames], beyond[inside], axis=1).mean())
+    return shown < SELDOM and float(dark_beyond(cloud.z_mm[frames], cloud.keep[frames], last).mean()) < 0.5
 
 
 def _fills(cloud: Cloud, rim: FaceRim, frames: Int, moving: bool) -> Float:

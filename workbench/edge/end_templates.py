@@ -39,6 +39,7 @@ RARE_MM = 0.15  # breaks beyond this are the rarer, the larger
 STEP = math.radians(6.0)
 INCIDENCES = np.arange(math.radians(44.0), math.radians(89.0), STEP)
 INCIDENCE_PRIOR = np.where(np.radians(60.0) > INCIDENCES, 0.1 / 3.0, 0.9 / 5.0)
+OTHERWISE = 0.03  # probability that another surface returns nothing for another reason: a skin of scale, a mask
 QUARTER = 0.15  # of a depth: a rounding need be no quarter circle, a chamfer not flat
 FOOTPRINTS = np.array([0.0, 0.5, 0.75, 1.0, 1.5, 2.0, 2.6])  # columns that a pixel sees
 # Fills from which on a pixel returns a face, all alike likely. A sensor that needs much more than half of a pixel's
@@ -127,6 +128,7 @@ class EndView(NamedTuple):
     footprints: Shaped[Float, " f"] = np.full(FOOTPRINTS.size, 1.0 / FOOTPRINTS.size)  # shares of FOOTPRINTS
     # from which on a pixel that the face fills in part returns it, and their shares
     fills: Shaped[Float, "m 2"] = np.stack([FILLS, ALONE], axis=1)[ALONE > 0.0]
+    incidences: Shaped[Float, " i"] = INCIDENCE_PRIOR  # shares of INCIDENCES
 
     @property
     def nearer(self) -> float:
@@ -147,6 +149,11 @@ def end_phases(moving: bool) -> Float:
     return (np.arange(12.0)[None] + 0.5) / 12.0 if moving else (np.arange(6.0)[:, None] + 0.5) / 6.0
 
 
+def reaches(incidence: float) -> Float:
+    """Whether a surface at this incidence, rad, returns under each of INCIDENCES (i,): 0 to 1, over a STEP."""
+    return np.clip((INCIDENCES - incidence) / STEP + 0.5, 0.0, 1.0)
+
+
 class SeenEnd(NamedTuple):
     """T templates as one pass sees them."""
 
@@ -164,7 +171,7 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     pixels, pixel_prior = view.pixels
     under = 0.5 * math.pi + view.inclination < INCIDENCES  # the lower surface returns
     onward = (ONWARD if under[-1] else ONWARD[:1]) * view.step_mm
-    kept = INCIDENCE_PRIOR * np.clip((INCIDENCES - view.inclination) / STEP + 0.5, 1e-6, 1.0)  # the face returns
+    kept = view.incidences * np.clip(reaches(view.inclination), 1e-6, 1.0)  # the face returns
     log = np.full((templates.size_mm.size, under.size, onward.size), -np.inf)
     log[:, under] = np.log(kept / kept.mean())[under, None]
     log[:, ~under, 0] = np.log(kept / kept.mean())[~under] + math.log(onward.size)

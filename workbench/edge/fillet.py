@@ -94,12 +94,15 @@ class Fillets:
         """Of their returns, times their noise; NaN: there is none."""
         return float(np.median([one.misfit for one in self._all])) if self._all else math.nan
 
-    def form_u(self) -> tuple[float, float]:
-        """By how much radius and level err by what stands off line and circle in the same way in all profiles, mm."""
+    def form_u(self, sensor_mm: float) -> tuple[float, float]:
+        """By how much radius and level err by what stands off line and circle in the same way in all profiles, mm.
+
+        And by the sensor's own error, rms: a wave of it that bends an arc to another arc leaves nothing.
+        """
         told = [one for one in self._all if np.isfinite(one.left_mm).all()]
         if not told:
             return 0.0, 0.0
-        radius, level, _ = np.median([one.form_u(0.0) for one in told], axis=0) * misfit_mm(told)
+        radius, level, _ = np.median([one.form_u(0.0) for one in told], axis=0) * math.hypot(misfit_mm(told), sensor_mm)
         return float(radius), float(level)
 
 

@@ -96,7 +96,7 @@ class GrooveSizes:
         hidden_columns: float = 0.0,
     ) -> None:
         """Lean: how far the range axis goes right a mm upwards; hidden_columns: standard uncertainty of all ends."""
-        self.hidden_columns = hidden_columns
+        self.hidden_columns, self.sensor_mm = hidden_columns, sensor.rms_mm
         self.plates, self.along, self.lean = list(plates), along, lean
         self.s, self.group, self.at = along.s, along.group, along.at
         lines = [line for one in plates for line in one.lines]
@@ -245,7 +245,7 @@ class GrooveSizes:
             if one.kind in PREPARED:
                 ends[f"{name}:reach"] = self._end_of(k)
             if one.kind in ROUND:
-                by_noise, (radius, level) = one.fillets.variances(), one.fillets.form_u()
+                by_noise, (radius, level) = one.fillets.variances(), one.fillets.form_u(self.sensor_mm)
                 radius = math.hypot(radius, FORM_U_MM * typical(one.radius_lever) if one.kind == "hidden" else 0.0)
                 ends[f"{name}:radius"] = Place(none, none, by_noise[0], radius)
                 ends[f"{name}:level"] = Place(none, none, by_noise[1], level)

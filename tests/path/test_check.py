@@ -222,10 +222,19 @@ def bevel_normal_of(scan: Raw) -> Float:
     return math.cos(40 * DEG) * scan.edge.normal[0] + math.sin(40 * DEG) * scan.edge.across[0]
 
 
-@pytest.mark.parametrize("name", ["flange_turn_deg", "pass_disagreement_mm", "late_turn_deg"])
-def test_what_a_recording_does_not_show_is_named(name: str, raw: Callable[..., Raw]) -> None:
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("flange_turn_deg", "a scale of its travel would not show"),
+        ("order_share", "too few profiles agree, which does not show their order"),
+        ("pass_disagreement_mm", "the recording does not show how far apart these lie"),
+        ("pass_disagreement_mm", "nothing tells how far apart these lie"),  # of earlier files
+        ("late_turn_deg", "the orientation is the same to the last digit: its rotation is in no value"),
+    ],
+)
+def test_what_a_recording_does_not_show_is_named(name: str, words: str, raw: Callable[..., Raw]) -> None:
     scan = raw()
-    blind = Check(name, None, None, True, "", "the motion does not show whether the clocks agree; nothing tells which")
+    blind = Check(name, None, None, True, "", words)
     told = replace(blind, value=1.0, finding="two passes see one face 0.01 mm apart")
     toolpath = replace(scan.plan, evidence=(blind,))
     assert blind.finding in check(toolpath, scan.edge, scan.cloud).unchecked

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from workbench.artefacts import Layer, Toolpath, Travel
 from workbench.errors import InputError
@@ -104,7 +105,11 @@ def test_arcs_keep_to_what_controllers_can_do() -> None:
         start, via, target = moves.position_mm[k - 1], moves.via_position_mm[k], moves.position_mm[k]
         sweeps.append(np.degrees(circle(start, via, target)[2]))
         assert np.linalg.norm(via - start) == pytest.approx(np.linalg.norm(target - via), rel=1e-6)
-        assert np.linalg.norm(moves.via_quaternion_wxyz[k]) == pytest.approx(1)
+        turns = moves.quaternion_wxyz[k - 1], moves.via_quaternion_wxyz[k], moves.quaternion_wxyz[k]
+        begin, middle, end = (Rotation.from_quat(q, scalar_first=True) for q in turns)
+        half = (middle * begin.inv()).as_rotvec()
+        assert np.linalg.norm(half) > 1e-3
+        np.testing.assert_allclose((end * middle.inv()).as_rotvec(), half, atol=1e-9)
     assert min(sweeps) >= 4.2
     assert max(sweeps) <= 170
     assert sum(sweeps) > 500

@@ -77,7 +77,7 @@ def tried(task: tuple[int, str, int]) -> dict[str, Any]:
     seed, room, trial = task
     mutant = drawn(room, np.random.default_rng([seed, trial, list(TESTS).index(room)]))
     started = time.monotonic()
-    os.nice(10 - os.nice(0))
+    os.nice(max(0, 10 - os.nice(0)))  # of a nicer process it stays
     return {
         "room": room,
         "where": f"{mutant.path}:{mutant.number}",

@@ -111,7 +111,7 @@ def test_limits_scale_with_force_and_mass(seed: int, factor: float) -> None:
 
 @pytest.mark.slow
 def test_a_simulation_in_the_time_domain_says_the_same() -> None:
-    """At 0.9 and 1.1 of the limit; `python -m bench.chatter_simulation` asks for more."""
+    """At 0.9 and 1.1 of the limit."""
     right, asked = agreement(10, 1)
     assert asked >= 14
     assert right >= 0.9 * asked

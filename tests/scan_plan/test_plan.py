@@ -179,7 +179,10 @@ def sensor(tmp_path: Path, **changes: Any) -> Path:
 
 def test_bad_input_ends_in_one_line(tmp_path: Path) -> None:
     far = tmp_path / "far.json"
-    far.write_text(json.dumps({"format": "edge-line", "version": 1, "points_mm": [[9000, 0, 0], [9100, 0, 0]]}))
+    line = {"format": "edge-line", "version": 1, "points_mm": [[9000, 0, 0], [9100, 0, 0]]}
+    far.write_text(json.dumps(line))
+    along = tmp_path / "along.json"
+    along.write_text(json.dumps(line | {"upper_side": [1.0, 0.0, 0.0]}))
     metres = tmp_path / "metres.csv"
     metres.write_text("x_mm,y_mm,z_mm\n1.5,0,0.8\n1.62,0,0.8\n")
     arc = tmp_path / "arc.dxf"
@@ -193,6 +196,7 @@ def test_bad_input_ends_in_one_line(tmp_path: Path) -> None:
         ({"edge": metres}, "in metres"),
         ({"most_speed_mm_s": 0.01}, "between frames"),
         ({"edge": far, "upper_side": (1.0, 0.0, 0.0)}, "upper side across the edge"),
+        ({"edge": along}, "upper side across the edge"),
     ]
     for given, words in cases:
         with pytest.raises(InputError, match=words) as told:

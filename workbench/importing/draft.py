@@ -313,7 +313,7 @@ def _pattern(names: list[str], others: list[str]) -> str:
     if any(name.startswith(head) and name.endswith(tail) for name in others):
         raise InputError(
             ", ".join(names[:3]),
-            "expected names that distinguish profiles from poses: scan1.csv and robot1.csv",
+            "expected names that distinguish profiles from poses, such as scan1.csv and robot1.csv",
         )
     return f"{glob.escape(head)}*{glob.escape(tail)}"
 

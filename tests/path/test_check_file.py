@@ -50,7 +50,7 @@ def test_a_path_out_of_a_file_keeps_its_verdict(path: Toolpath, tmp_path: Path) 
         assert json.loads(file.read_text())["check"]["placed"] is placed
     gate = again(written(path, None, tmp_path))
     assert gate.passed
-    assert "held against its own final layer" in gate.unchecked[0]
+    assert "compared with its own final layer" in gate.unchecked[0]
 
 
 def test_a_refusal_counts_whatever_came_after_it(path: Toolpath, tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ from workbench.checks import (
 )
 from workbench.checks.judge import refuse_failed
 from workbench.checks.motion import Consistency, consistency
-from workbench.checks.sensor import quaternion_step, sensor_traces
+from workbench.checks.sensor import _gaussian_width, quaternion_step, sensor_traces
 from workbench.checks.window import as_delivered
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from
@@ -222,6 +222,12 @@ def test_a_filter_is_seen_of_ranges_that_float32_rounds_coarsely() -> None:
     far = (gaussian_filter1d(r.z_mm.astype(float), 5.0, axis=1) + 650.0).astype("f4")
     traces = sensor_traces(r.x_mm, far, r.pass_index)
     assert traces.mean_columns > 5.0
+
+
+@pytest.mark.parametrize(("ratio", "width"), [(0.998, 0.0), (-3.0, 0.0), (1.489, 1.7), (3.9, 13.6), (1e9, 48.0)])
+def test_the_width_of_a_filter_is_a_number_of_columns(ratio: float, width: float) -> None:
+    """Also of neighbours that are less alike than those beyond, and of a filter wider than the pieces looked at."""
+    assert _gaussian_width(ratio) == pytest.approx(width, abs=0.1)
 
 
 def test_a_few_returns_show_no_filter() -> None:

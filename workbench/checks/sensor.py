@@ -22,6 +22,7 @@ ENOUGH = 8000  # values whose median is known to 1.5 %
 PERIODS, NEAR = np.arange(0.1, 0.481, 0.01)[:, None], 5  # per column; of these, that one missing period spans
 WIPED = 4.0  # times less power than at some longer and some shorter period: noise has 2.6 at most, a mean over 5 13
 CURVED = 4  # terms of a cubic, which follows a sphere or a wave within a piece
+WIDTHS = np.geomspace(1.0, PIECE, 400)  # columns of a Gaussian filter
 MOST_RESOLVED = 6.0  # columns of a mean whose periods a piece tells apart
 LEAST_PAIRS = 500
 UNEVEN_SHARE = 0.02
@@ -74,7 +75,7 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
         level = _off_trend(pieces, CURVED)
         alike = _by_lag(level, np.ones(level.shape, bool), 3)
         one, two = alike[0] - alike[1:3] - digit**2 / 12.0
-        mean = max(mean, _gaussian_width(two / one))
+        mean = max(mean, _gaussian_width(float(two) / max(float(one), 1e-30)))
     elif len(pieces) >= LEAST_PIECES and mean <= MOST_RESOLVED:
         wiped = wiped_out(pieces)
         mean = (mean or wiped) if wiped else 0.0
@@ -90,11 +91,10 @@ def _gaussian_width(ratio: float) -> float:
 
     Of what a Gaussian of standard deviation s leaves, noise k columns apart has a correlation of exp(-k^2 / (4 s^2)),
     and the mean squared differences over two columns and over one have a ratio of 1 + a + a^2 + a^3, a that of
-    neighbours. A cubic taken off changes both alike.
+    neighbours. A cubic taken off changes both alike. 0: neighbours are not alike; at most PIECE.
     """
-    roots = np.roots([1.0, 1.0, 1.0, 1.0 - ratio])
-    neighbours = float(roots[np.abs(roots.imag).argmin()].real)
-    return math.sqrt(-math.pi / math.log(neighbours)) if 0.0 < neighbours < 1.0 else float("inf")
+    neighbours = np.exp(-math.pi / WIDTHS**2)
+    return float(np.interp(ratio, 1.0 + neighbours + neighbours**2 + neighbours**3, WIDTHS, left=0.0))
 
 
 def some(grid: AnyArray, count: int = SAMPLE) -> AnyArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass, replace
 from typing import Annotated
@@ -59,10 +58,10 @@ SURE = 5.0  # standard uncertainties by which the angles are not the table's
 UPRIGHT = 0.7  # of the axis' z: nearer to the vertical than to the horizontal
 CHECKED = 0.01  # u of the angles' scale, up to which the points check it
 CHANCE = 0.01  # that markers at rest count as drifting
-MOST_TIMES = math.log(100.0)  # the stated noise of angles, or of points
+TIMES = np.geomspace(1.0, 100.0, 10)  # the stated noise of angles
 AT_REST = 1e-3  # of the points' noise: as good as no drift, whatever the order of the rows
 FREE = 1e3  # likewise: no prior
-UNLIKELY = 4.0  # gain of log-likelihood, from which angles are noisier than stated, or a markers drift
+UNLIKELY = 4.0  # gain of log-likelihood, from which angles are noisier than stated
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -263,39 +262,36 @@ def turntable(
 
 
 def _as_noisy(table: _Turning) -> tuple[_Turning, Axis]:
-    """The table with the noise of its angles, and a drift, as stated or larger, as the points ask; and a first fit."""
+    """The table with its angles' noise as stated or larger, and a drift, as the points ask; and a first fit."""
     sound = estimator.sound(table, table.begun())
-
-    def larger(log_times: Float) -> _Turning:
-        angle, drift = np.exp(log_times)
-        return _Turning(table.marks, table.angle_noise * angle, float(drift))
-
+    # asked for where angles err as stated: larger errors of a few would explain a drift as well
+    drift, covariance = sound.tested(table.time[:, None, None] * sound.at.frame[:2].T)
+    moves = drift @ np.linalg.solve(covariance, drift) > scipy.special.chdtri(2, CHANCE)
     angle = table.marks.angle - table.marks.angle.mean()
     scaled = (table.sway(sound.at) * angle[:, None])[..., None]  # angles of another scale are no noise
 
-    def unlikely(log_times: Float) -> float:
-        rows = larger(log_times).rows(sound.at)
+    def noisier(times: float) -> _Turning:
+        return _Turning(table.marks, table.angle_noise * times, FREE if moves else AT_REST)
+
+    def likelihood(times: float) -> float:
+        rows = noisier(times).rows(sound.at)
         jacobian, prior = np.concatenate([rows.jacobian, scaled], axis=2), np.pad(rows.prior, (0, 1))
         rows = replace(rows, jacobian=jacobian, prior=prior, away=np.append(rows.away, 0.0))
-        return 3.0 * float(log_times[1]) - rows.only(sound.used).normal().restricted
+        return rows.only(sound.used).normal().restricted
 
-    times = np.linspace(0.0, MOST_TIMES, 10)
-    tried = [np.array(one) for one in itertools.product(times, [math.log(AT_REST), *times])]
-    best = min(tried, key=unlikely)
-    if unlikely(best) > unlikely(tried[0]) - UNLIKELY:
-        return table, sound.at
-    moves = best[1] > math.log(AT_REST)
-    return larger(np.array([best[0], math.log(FREE if moves else AT_REST)])), sound.at
+    best = max(TIMES, key=likelihood)
+    return noisier(best if likelihood(best) > likelihood(1.0) + UNLIKELY else 1.0), sound.at
 
 
 def _drift(found: estimator.Fit[Axis]) -> tuple[Float, tuple[str, ...]]:
     """Mean square (2, 2) of the drift across the axis from first row to last, and the warning; 0: by chance."""
-    drift, across = found.at.drift_mm, found.at.frame[:2]
-    if drift @ np.linalg.solve(found.covariance[4:7, 4:7], drift) < scipy.special.chdtri(3, CHANCE):
+    across = found.at.frame[:2]
+    drift, covariance = across @ found.at.drift_mm, across @ found.covariance[4:7, 4:7] @ across.T
+    if drift @ np.linalg.solve(covariance, drift) < scipy.special.chdtri(2, CHANCE):
         return np.zeros((2, 2)), ()
-    said = f"the markers drift by {np.hypot(*(across @ drift)):.2f} mm across the axis from the first row to the last"
+    said = f"the markers drift by {np.hypot(*drift):.2f} mm across the axis from the first row to the last"
     why = "the axis is that of halfway, and the uncertainties hold that"
-    return across @ (np.outer(drift, drift) + found.covariance[4:7, 4:7]) @ across.T, (
+    return np.outer(drift, drift) + covariance, (
         f"{said}: {why}; did base, table or what measures them move or warm up?",
     )
 

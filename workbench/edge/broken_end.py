@@ -335,7 +335,7 @@ def _footprints(cloud: Cloud, rim: FaceRim, here: Bool) -> Float:
 
 def _bluntness(cloud: Cloud, rim: FaceRim, beside: FaceLines, here: Bool) -> tuple[float, float]:
     """What is cut off the corner of two faces in the columns that see it, in columns times the fold; and its u."""
-    face, frames = rim.face, np.flatnonzero(here & (np.minimum(rim.face.count, beside.count) > LEAST_GROUPS))
+    face, frames = rim.face, _sampled(here & (np.minimum(rim.face.count, beside.count) > LEAST_GROUPS))
     if frames.size < LEAST_FRAMES:
         return 0.0, 1.0
     x = cloud.x_mm[frames].astype(np.float64)
@@ -353,11 +353,15 @@ def _bluntness(cloud: Cloud, rim: FaceRim, beside: FaceLines, here: Bool) -> tup
     return float(at.mean() - around.mean()), math.hypot(float(at.std()) / math.sqrt(at.size), CUT_U)
 
 
+def _sampled(frames: Bool) -> Int:
+    """Some of the frames (N,), evenly, where there are many: more of them say no more of the end's form."""
+    at = np.flatnonzero(frames)
+    return at[np.unique(np.linspace(0, at.size - 1, min(at.size, SAMPLE_FRAMES)).round().astype(np.int64))]
+
+
 def _view(cloud: Cloud, rim: FaceRim, here: Bool, footprints: Float) -> EndView:
     face = rim.face
-    frames = np.flatnonzero(here & (face.count > LEAST_GROUPS) & (face.sxx > 0.0))
-    if frames.size > SAMPLE_FRAMES:
-        frames = frames[np.unique(np.linspace(0, frames.size - 1, SAMPLE_FRAMES).round().astype(np.int64))]
+    frames = _sampled(here & (face.count > LEAST_GROUPS) & (face.sxx > 0.0))
     if frames.size < LEAST_FRAMES:
         frames = np.flatnonzero(here & (face.sxx > 0.0))
         step = float(np.median(rim.step_mm[frames])) if frames.size else 0.05

@@ -25,3 +25,10 @@ def test_poses_that_come_late_are_refused_by_two_passes_too(offset_s: float) -> 
     found = late(np.full(FRAMES, offset_s), passes=2)
     assert np.median(found.offset_s) == pytest.approx(offset_s, abs=0.01)
     assert not late_check(found).passed
+
+
+def test_what_the_place_shows_of_a_lag_stays_where_two_passes_show_a_twist_alike() -> None:
+    twist = 0.04 / SWAY_S * DEG * np.cos(TIME / SWAY_S)
+    found = late(np.full(FRAMES, 0.02), twist, noise_mm=0.003, passes=2)
+    assert late_check(found).passed
+    assert np.median(found.offset_s) == pytest.approx(0.02, abs=0.002)

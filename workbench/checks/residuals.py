@@ -110,7 +110,7 @@ def late_of(face: FaceAlong, pose: Float, time_s: Float, passes: Int) -> Late:
     its place leaves of a slow bend with the rate at which they carry it: by a constant offset, and by one that walks.
     What two passes show alike at the same places is the plate's.
     """
-    offset, unsure, by_turn, rate, oblique, turned = np.zeros((6, face.s.size))
+    offset, unsure, by_turn, rate, oblique, turned, by_place = np.zeros((7, face.s.size))
     still_mm = np.zeros((face.s.size, 3))
     found = Late(offset, unsure, by_turn, rate, oblique, still_mm, still_mm.copy(), passes)
     for number in np.unique(passes):
@@ -129,7 +129,7 @@ def late_of(face: FaceAlong, pose: Float, time_s: Float, passes: Int) -> Late:
         if turns or moves:  # by what is more certain
             found.offset_s[mine] = still if moves > turns else _walk(mine.size) @ coefficient
         found.by_turn[mine], found.unsure_s[mine] = turns > 0.0, _unsure(mine.size, (turning, moving))
-        turned[mine] = found.offset_s[mine] * found.by_turn[mine] * rate
+        turned[mine], by_place[mine] = found.offset_s[mine] * found.by_turn[mine] * rate, still if moves else 0.0
         along = np.einsum("nji,nj->ni", rotation, np.cross(here.normal, here.tangent))
         found.rate[mine] = (_turned(rotation, here.normal, span) * along).sum(axis=1)
         across = flow - (flow * here.tangent).sum(axis=1, keepdims=True) * here.tangent
@@ -140,7 +140,7 @@ def late_of(face: FaceAlong, pose: Float, time_s: Float, passes: Int) -> Late:
     for pair in combinations(np.unique(passes), 2):
         if _both_show(face, turned, [passes == number for number in pair]):
             both = np.isin(passes, pair)
-            found.offset_s[both], found.by_turn[both] = 0.0, 0.0
+            found.offset_s[both], found.by_turn[both] = by_place[both], 0.0
     return found
 
 

@@ -40,7 +40,7 @@ from workbench.edge.end_templates import (
 )
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.lower_fillet import LowerFillet
-from workbench.geometry.blocks import as_input
+from workbench.geometry.blocks import as_input, evenly
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.course import CHANCE, LEAST_SHARED, stretches
 from workbench.geometry.end_face import BROKEN_MM
@@ -356,7 +356,7 @@ def _bluntness(cloud: Cloud, rim: FaceRim, beside: FaceLines, here: Bool) -> tup
 def _sampled(frames: Bool) -> Int:
     """Some of the frames (N,), evenly, where there are many: more of them say no more of the end's form."""
     at = np.flatnonzero(frames)
-    return at[np.unique(np.linspace(0, at.size - 1, min(at.size, SAMPLE_FRAMES)).round().astype(np.int64))]
+    return np.asarray(at[evenly(at.size, SAMPLE_FRAMES)])
 
 
 def _view(cloud: Cloud, rim: FaceRim, here: Bool, footprints: Float) -> EndView:

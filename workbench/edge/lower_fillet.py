@@ -11,6 +11,7 @@ from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, Cloud
 from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import averaged_columns
 from workbench.edge.faces import TrackedFaces
+from workbench.geometry.blocks import evenly
 from workbench.units import Bool, Float, Shaped
 
 SAMPLE_FRAMES, LEAST_FRAMES = 400, 20
@@ -40,7 +41,7 @@ def lower_fillet(cloud: Cloud, tracked: TrackedFaces) -> LowerFillet | None:
     here = np.flatnonzero(tracked.end_is_corner & ~tracked.lies_on & (root.count > 2) & (lower.count > 2))
     if here.size < LEAST_FRAMES:
         return None
-    here = here[np.unique(np.linspace(0, here.size - 1, SAMPLE_FRAMES).round().astype(np.int64))]
+    here = here[evenly(here.size, SAMPLE_FRAMES)]
     slope = {one: face.sxz[here] / face.sxx[here] for one, face in enumerate((root, lower, bevel))}
     side = tracked.side[here]
     sense = np.sign(side * (slope[0] - slope[2]))  # +1: z counts away from the sensor

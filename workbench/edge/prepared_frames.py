@@ -18,7 +18,7 @@ from workbench.edge.identify import crossing, lies_on, whole_faces, width_mm
 from workbench.edge.prepared_profile import Reading, readings
 from workbench.errors import InputError
 from workbench.geometry import tracking
-from workbench.geometry.blocks import in_order
+from workbench.geometry.blocks import evenly, in_order
 from workbench.geometry.chains import (
     FIRST,
     LAST,
@@ -98,7 +98,7 @@ def read_plates(cloud: Cloud, root_nominal_mm: float, upper_side: Float | None) 
         InputError: no plate with an upper surface, a preparation and a root face is in view, or two readings are
             alike likely.
     """
-    read = np.unique(np.linspace(0, len(cloud.keep) - 1, min(len(cloud.keep), MOST_FRAMES)).round().astype(int))
+    read = evenly(len(cloud.keep), MOST_FRAMES)
     found: list[list[Reading]] = [[] for _ in cloud.keep]
     for i, one in zip(read, in_order(lambda k, _: _readings(cloud, int(read[k])), read.size, 1), strict=True):
         found[i] = one
@@ -145,7 +145,7 @@ def _foot_radius_mm(cloud: Cloud, noses: list[Reading | None]) -> float:
     """Radius of the fillet between the bevel and the land of a nose; 0: none is told from a corner."""
     shows = [i for i, one in enumerate(noses) if one is not None]
     found = []
-    for i in [shows[k] for k in np.unique(np.linspace(0, len(shows) - 1, FEW_FRAMES).round().astype(int))]:
+    for i in [shows[k] for k in evenly(len(shows), FEW_FRAMES)]:
         one, (x, z, _) = noses[i], profile(cloud, i)
         if one is None:
             raise AssertionError("chosen above")

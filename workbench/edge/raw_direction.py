@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench.artefacts import Cloud
 from workbench.errors import InputError
-from workbench.geometry.blocks import as_input, in_order
+from workbench.geometry.blocks import as_input, evenly, in_order
 from workbench.geometry.end_face import best_direction
 from workbench.units import DEG, Float, Int, Shaped
 
@@ -58,7 +58,7 @@ def face_directions(cloud: Cloud, upper_side: Sequence[float], z_away: bool | No
     for p in np.unique(cloud.pass_index):
         mine = np.flatnonzero((cloud.pass_index == p) & np.isfinite(flat[:, 0]))
         if mine.size:
-            keys = mine[np.unique(np.linspace(0, mine.size - 1, KEY_FRAMES).round().astype(int))]
+            keys = mine[evenly(mine.size, KEY_FRAMES)]
             readings = _read_keys(cloud, keys, flat[keys])
             found = readings[:, 1] > 0
             votes += [_votes(readings[found, 2:4]), _votes(readings[found, 4:6])]
@@ -114,7 +114,7 @@ def across_the_edge(cloud: Cloud, upper_side: Sequence[float], where: str = WHER
 def _travelled(cloud: Cloud) -> Float:
     """How far (3,) the seen surface reaches through the base in the longest pass, mm: there and back is once."""
     shown = np.flatnonzero(cloud.keep.any(axis=1))
-    shown = shown[np.unique(np.linspace(0, shown.size - 1, TRAVEL_FRAMES).round().astype(int))] if shown.size else shown
+    shown = shown[evenly(shown.size, TRAVEL_FRAMES)]
     centre = np.full((len(cloud.keep), 3), np.nan)
     for i in shown:
         x, z = (float(np.median(v[i][cloud.keep[i]])) for v in (cloud.x_mm, cloud.z_mm))
@@ -176,7 +176,7 @@ def fan_sense(cloud: Cloud) -> float:
 
     A column's returns lie on its ray: x changes with z by the tangent of the ray's angle, which grows with x.
     """
-    frames = np.unique(np.linspace(0, len(cloud.keep) - 1, FAN_FRAMES).round().astype(np.int64))
+    frames = evenly(len(cloud.keep), FAN_FRAMES)
     on = np.isfinite(cloud.x_mm[frames]) & np.isfinite(cloud.z_mm[frames])
     column = np.flatnonzero(on.sum(axis=0) >= FAN_LEAST)
     if column.size < FAN_LEAST:

@@ -23,6 +23,7 @@ from workbench.edge.measure import check_advance, edge_direction
 from workbench.edge.raw_faces import FaceEnds, RawFaces, middle_of, outward_of
 from workbench.edge.raw_local import local_mean
 from workbench.errors import InputError
+from workbench.geometry.blocks import evenly
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.course import Course, fit_course, process_told
 from workbench.geometry.curves import POSE_MM, Curve, along_motion, curve_through, fit_curve
@@ -593,7 +594,7 @@ def _in_patches(found: RawFaces, sigma: float) -> bool:
 def _range_noise(cloud: Cloud, found: RawFaces) -> float:
     """Range noise of single points, mm, from neighbouring columns: roughness is longer than a column."""
     frames = np.flatnonzero(found.seen)
-    frames = frames[np.unique(np.linspace(0, frames.size - 1, SAMPLE_FRAMES).round().astype(int))]
+    frames = frames[evenly(frames.size, SAMPLE_FRAMES)]
     z = np.where(cloud.keep[frames] & (found.labels[frames] == ROOT_FACE), cloud.z_mm[frames], np.nan).astype(float)
     bend = np.abs(z[:, :-3] - 3.0 * z[:, 1:-2] + 3.0 * z[:, 2:-1] - z[:, 3:])
     bend = bend[np.isfinite(bend)]

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import Cloud
-from workbench.geometry.blocks import as_input
+from workbench.geometry.blocks import as_input, evenly
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.medians import median, row_medians
 from workbench.kernels import kernel
@@ -136,7 +136,7 @@ def face_image(
     """
     frames = np.flatnonzero(np.isfinite(s_frames) & (face.count > LEAST_PLACES))
     of_passes = [frames[cloud.pass_index[frames] == p] for p in np.unique(cloud.pass_index[frames])]
-    frames = np.concatenate([mine[_evenly(mine.size)] for mine in of_passes]) if of_passes else frames
+    frames = np.concatenate([mine[evenly(mine.size, FRAMES)] for mine in of_passes]) if of_passes else frames
     if frames.size < 2 * LEAST_FRAMES:
         return None
     slope = face.sxz[frames] / face.sxx[frames]
@@ -178,11 +178,6 @@ def face_image(
     sums = np.cumsum(np.pad(np.stack([np.where(known, left, 0.0), known]), ((0, 0), (0, 0), (1, 0))), axis=2)
     by_columns = partial(_patches, sums, width / wide, lean)
     return image._replace(wide=wide, passes=tuple(passes), by_columns=by_columns)
-
-
-def _evenly(count: int) -> Int:
-    """Which of so many frames of a pass are looked at."""
-    return np.unique(np.linspace(0, count - 1, min(count, FRAMES)).round().astype(np.int64))
 
 
 @kernel

@@ -55,6 +55,7 @@ from workbench.edge.residual_image import FaceForm, Linearity, declared_linearit
 from workbench.edge.segment import Declared, either_piece_u, milled_edge
 from workbench.edge.unseen import by_window, root_end_check
 from workbench.errors import InputError
+from workbench.geometry.blocks import evenly
 from workbench.geometry.sections import crossing, in_section, section_lines
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Float
@@ -373,7 +374,7 @@ class _Chain:
         number = on.sum(axis=1)
         shown = np.flatnonzero(tracked.seen & np.isfinite(self.s))
         shown = shown[number[shown] > WHOLE * np.median(number[shown])]  # a part that is lost moves the rest of the fit
-        chosen = shown[np.unique(np.linspace(0, shown.size - 1, count).round().astype(int))]
+        chosen = shown[evenly(shown.size, count)]
         falls = _fall(angles[0], angles[1], angles[-1])
         top = meeting(places[0], angles[0], places[1], angles[1])
         out: list[Fillet | None] = [None] * len(tracked.seen)

@@ -16,7 +16,7 @@ from typing import NoReturn, TypeVar
 
 import numpy as np
 
-from workbench.units import AnyArray
+from workbench.units import AnyArray, Int, Shaped
 
 T = TypeVar("T")
 BLOCK_POINTS = 2**17  # the least in a block: long enough to make a call cheap
@@ -119,3 +119,13 @@ def repeated(row: AnyArray, frames: int) -> AnyArray:
 def is_repeated(grid: AnyArray) -> bool:
     """Whether a grid (N, M) is of one row for all frames."""
     return len(grid) > 1 and grid.strides[0] == 0
+
+
+def evenly(count: int, most: int) -> Shaped[Int, " k"]:
+    """Indices of some of `count` things, at most `most`, evenly from the first to the last.
+
+    Example:
+        >>> evenly(9, 3).tolist(), evenly(2, 3).tolist(), evenly(0, 3).tolist()
+        ([0, 4, 8], [0, 1], [])
+    """
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workbench.extras import Extra
+from workbench.geometry.blocks import evenly
 from workbench.geometry.poses import inverse, pose_from
 from workbench.result_files import SensorFile
 from workbench.robot import (
@@ -90,7 +91,7 @@ class Examiner:
                 found.append((margin, bool(number), joints))
         angles = outermost(self.cell, np.full(len(base_from_view), table))
         for _, half, joints in sorted(found, key=lambda one: -one[0]):
-            few = np.unique(np.linspace(0, len(joints) - 1, 3).round().astype(int))
+            few = evenly(len(joints), 3)
             hits = self.screen.hits(joints[few], angles[few])
             if (hits == FREE).all():
                 hits = self.screen.hits(joints, angles)

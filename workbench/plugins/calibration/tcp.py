@@ -314,7 +314,8 @@ def _check_sense(place: Float, tools: int, where: str) -> None:
         raise InputError(
             where,
             f"the tool would reach {tool:.0f} mm from the flange, to a reference only {reference:.0f} mm from the "
-            "robot's base: are the poses inverted (flange_from_base), or in a frame at the reference, not the base's?",
+            "robot's base: are the poses inverted (flange_from_base), or in a frame at the reference, not the base's? "
+            "A tool as long as that needs a reference farther from the base.",
         )
 
 

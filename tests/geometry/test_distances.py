@@ -7,8 +7,13 @@ import pytest
 
 from workbench.geometry.distances import axis_distances, build_stock, index_lines, line_distances
 from workbench.geometry.poses import pose_from, rotation_from_vector
-from workbench.geometry.stations import place
-from workbench.units import AnyArray, Float
+from workbench.units import AnyArray, Float, Int
+
+
+def place(x: Float, z: Float, poses: Float, rows: Int, columns: Int) -> Float:
+    """Points (p, 3) of the grid in the base."""
+    pose, x, z = poses[rows], x[rows, columns, None], z[rows, columns, None]
+    return np.asarray(pose[:, :3, 0] * x + pose[:, :3, 2] * z + pose[:, :3, 3])
 
 
 def to_segment(points: Float, start: Float, end: Float) -> Float:

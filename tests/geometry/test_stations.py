@@ -5,15 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.geometry.poses import pose_from
+from workbench.geometry.poses import pose_from, rotation_from_vector
 from workbench.geometry.stations import (
     Cuts,
+    Scan,
     SectionTable,
-    foreign_points,
     frame_stations,
     nearest_stations,
+    needed_heights,
     section_table,
     standing_layers,
+    standing_out,
+    supported,
 )
 from workbench.units import Float
 
@@ -39,14 +42,38 @@ def test_a_clamp_is_found_and_a_streak_of_outliers_is_not(frames: int, found: bo
     x, z, poses = plate()
     z[30 : 30 + frames, 10:40] -= 6.0  # 6 mm above the surface
     start = frame_stations(0.5 * np.arange(80.0), np.zeros(80, int), 1.0, 41)
-    rows, columns = foreign_points(x, z, np.ones(x.shape, bool), poses, table(), start, np.full(41, 3.0))
+    usable = np.ones(x.shape, bool)
+    rows, columns = supported(standing_out(Scan(x, z, poses, start, table()), usable, np.full(41, 3.0)))
     assert bool(rows.size) == found
     if found:
         assert set(rows) == set(range(30, 46))
         assert rows.size == 16 * 30
         assert columns.min() == 10
-    rows, _ = foreign_points(x, z, np.ones(x.shape, bool), poses, table(), start, np.full(41, 9.0))
+    rows, _ = supported(standing_out(Scan(x, z, poses, start, table()), usable, np.full(41, 9.0)))
     assert rows.size == 0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_cutter_is_lifted_over_what_any_point_asks_for(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    x, z, poses = plate()
+    z += rng.choice([-9.0, 0.0, 40.0], (8, 6)).repeat(10, axis=0).repeat(10, axis=1)  # clamps, and a table far below
+    turn = rotation_from_vector(np.array([0.0, 0.3, 0.02]) * rng.normal(1.0, 0.3, 3))
+    bend = rotation_from_vector(np.linspace(0.0, 0.1, 45)[:, None] * np.array([0.0, 0.0, 1.0]))
+    at = np.stack([np.full(45, -4.0), np.arange(-2.0, 43.0), np.full(45, 6.0)], axis=1)
+    places, (radius, clearance, tip) = pose_from(bend @ turn @ np.diag([-1.0, 1.0, -1.0]), at), (5.0, 2.0, 3.0)
+    start = frame_stations(0.5 * np.arange(80.0), np.zeros(80, int), 1.0, 41)
+    marked = np.ones(x.shape, bool)
+    found = needed_heights(Scan(x, z, poses, start, table()), marked, at[:, 1], places, (radius, clearance, tip))
+    points = poses[:, None, :3, 0] * x[..., None] + poses[:, None, :3, 2] * z[..., None] + poses[:, None, :3, 3]
+    seen = np.einsum("npi,nij->npj", points.reshape(1, -1, 3) - at[:, None], places[:, :3, :3])
+    beyond = np.maximum(seen[..., 2] - tip, 0.0)
+    reach = radius + np.sqrt(np.maximum(clearance**2 - beyond**2, 0.0))
+    meets = (beyond < clearance) & (np.abs(seen[..., 1]) < reach)
+    rise = -seen[..., 0] - radius + np.sqrt(np.maximum(reach**2 - seen[..., 1] ** 2, 0.0))
+    needed = np.where(meets, rise, -np.inf).max(axis=1)
+    assert (needed > 0.0).any()
+    np.testing.assert_allclose(np.maximum(found, 0.0), np.maximum(needed, 0.0), atol=1e-9)
 
 
 def test_stations_and_sections_of_points() -> None:
@@ -66,7 +93,9 @@ def test_layers_take_what_lies_above_their_face() -> None:
     face[10:20] = np.inf
     half = np.sqrt(0.5)
     start = frame_stations(np.where(np.arange(80) == 40, np.nan, 0.5 * np.arange(80.0)), np.zeros(80, int), 1.0, 41)
-    stands = standing_layers(x, z, keep, poses, table(), start, Cuts(half, half, 0.0, 0.0, face, np.full(41, 99.0)))
+    stands = standing_layers(
+        Scan(x, z, poses, start, table()), keep, Cuts(half, half, 0.0, 0.0, face, np.full(41, 99.0))
+    )
     height = half * (-x + 108.0 - z)
     true = np.where(height > 4.5, 1, np.where(height > 3.0, 2, np.where(height > 0, 65534, 65535)))
     uncut = (np.rint(0.5 * np.arange(80) + 1e-9) >= 10) & (np.rint(0.5 * np.arange(80) + 1e-9) < 20)

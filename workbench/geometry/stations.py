@@ -16,6 +16,7 @@ from workbench.geometry.blocks import as_input, as_rows, over_blocks
 from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
+Vector = tuple[float, float, float]
 SUPPORT_FRAMES = 6  # of the frames within as many before and after, that stand out too: outliers come in fewer
 SUPPORT_COLUMNS = 2  # to each side, in which they do
 SUPPORT_POINTS = 21  # that do, in these frames and columns
@@ -38,51 +39,68 @@ def section_table(
     return SectionTable(float(step), as_input(axes), as_input(np.concatenate([upper_mm, inward], axis=1)))
 
 
-def foreign_points(
-    x_mm: Shaped[Float32, "N M"],
-    z_mm: Shaped[Float32, "N M"],
-    usable: Shaped[Bool, "N M"],
-    base_from_profiler: Shaped[Float, "N 4 4"],
-    sections: SectionTable,
-    start: Shaped[Int, " N"],
-    tolerance_mm: Shaped[Float, " n"],
-) -> tuple[Int, Int]:
-    """Frames and columns of the points that belong to no face of the stock: clamps, the table.
+class Scan(NamedTuple):
+    """The scanner's grid beside n stations of an edge."""
 
-    They stand out of the end face, above the upper surface or below the lower one by more than the tolerance of their
-    station, and so do points of several frames beside them (else they are streaks of outliers).
+    x_mm: Shaped[Float32, "N M"]  # in the profiler frame
+    z_mm: Shaped[Float32, "N M"]
+    base_from_profiler: Shaped[Float, "N 4 4"]
+    start: Shaped[Int, " N"]  # station near each frame
+    sections: SectionTable  # of the stock
+
+    def seen_by(self, mask: Shaped[Bool, "N M"]) -> tuple[Float32, Float32, Bool, Float, Int, Float, float]:
+        """What a kernel takes, to look at the points of a mask."""
+        x, z, poses, start, sections = self
+        grid = (as_rows(x), as_input(z), as_input(mask), as_input(poses), as_input(start))
+        return (*grid, sections.axes, sections.step)
+
+
+def standing_out(scan: Scan, usable: Shaped[Bool, "N M"], tolerance_mm: Shaped[Float, " n"]) -> Shaped[Bool, "N M"]:
+    """Usable points out of the end face, above the upper surface or below the lower one by more than a tolerance.
 
     Args:
-        x_mm, z_mm: (N, M) profiler frame.
+        scan: the grid.
         usable: (N, M) points to look at.
-        base_from_profiler: (N, 4, 4).
-        sections: of the stock.
-        start: (N,) station near each frame.
         tolerance_mm: (n,) at each station: burrs and roughness stand out less.
     """
-    out = np.zeros(x_mm.shape, np.bool_)
-    grid = (as_rows(x_mm), as_input(z_mm), as_input(usable), as_input(base_from_profiler))
-    stock = (sections.axes, sections.stock, sections.step)
-    over_blocks(partial(_stand_out, *grid, *stock, as_input(start), as_input(tolerance_mm), out), out.shape)
-    supported = np.zeros_like(out)
-    over_blocks(partial(_support, as_input(out), supported), out.shape)
-    rows, columns = np.nonzero(supported)
+    out = np.zeros(usable.shape, np.bool_)
+    kernel_of = partial(_stand_out, *scan.seen_by(usable), scan.sections.stock, as_input(tolerance_mm), out)
+    over_blocks(kernel_of, out.shape)
+    return out
+
+
+def supported(marked: Shaped[Bool, "N M"]) -> tuple[Int, Int]:
+    """Frames and columns of the marked points beside which points of several frames are: else they are streaks."""
+    found = np.zeros_like(marked)
+    over_blocks(partial(_support, as_input(marked), found), marked.shape)
+    rows, columns = np.nonzero(found)
     return rows, columns
 
 
 @kernel(inline="always")
-def _section_of(q0: float, q1: float, q2: float, i: int, axes: Float, step: float) -> tuple[int, float, float, float]:
+def _in_base(poses: Float, i: int, x: float, z: float) -> Vector:
+    """The point (x, 0, z) of frame i."""
+    u, w = np.float64(x), np.float64(z)
+    return (
+        poses[i, 0, 0] * u + poses[i, 0, 2] * w + poses[i, 0, 3],
+        poses[i, 1, 0] * u + poses[i, 1, 2] * w + poses[i, 1, 3],
+        poses[i, 2, 0] * u + poses[i, 2, 2] * w + poses[i, 2, 3],
+    )
+
+
+@kernel(inline="always")
+def _section_of(q: Vector, i: int, axes: Float, step: float) -> tuple[int, float, float, float]:
     """Station nearest to a point, its distance beyond it along t, and its place along n and m there."""
     along = 0.0
     for _ in range(6):
-        along = (q0 - axes[i, 0]) * axes[i, 3] + (q1 - axes[i, 1]) * axes[i, 4] + (q2 - axes[i, 2]) * axes[i, 5]
+        along = (q[0] - axes[i, 0]) * axes[i, 3] + (q[1] - axes[i, 1]) * axes[i, 4] + (q[2] - axes[i, 2]) * axes[i, 5]
         if abs(along) <= 0.5 * step:
             break
         k = min(max(i + int(np.floor(along / step + 0.5)), 0), axes.shape[0] - 1)
         if k == i:
             break
         i = k
-    d0, d1, d2 = q0 - axes[i, 0], q1 - axes[i, 1], q2 - axes[i, 2]
+    d0, d1, d2 = q[0] - axes[i, 0], q[1] - axes[i, 1], q[2] - axes[i, 2]
     h = d0 * axes[i, 6] + d1 * axes[i, 7] + d2 * axes[i, 8]
     return i, along, h, d0 * axes[i, 9] + d1 * axes[i, 10] + d2 * axes[i, 11]
 
@@ -93,25 +111,22 @@ def _stand_out(
     z: Float32,
     usable: Bool,
     poses: Float,
-    axes: Float,
-    stock: Float,
-    step: float,
     start: Int,
+    axes: Float,
+    step: float,
+    stock: Float,
     tolerance: Float,
     out: Bool,
     first: int,
     last: int,
 ) -> None:
     for i in range(first, last):
-        a, k, x_row = poses[i], start[i], x[min(i, len(x) - 1)]
+        k, x_row = start[i], x[min(i, len(x) - 1)]
         for j in range(x.shape[1]):
             if not usable[i, j]:
                 continue
-            u, w = np.float64(x_row[j]), np.float64(z[i, j])
-            q0 = a[0, 0] * u + a[0, 2] * w + a[0, 3]
-            q1 = a[1, 0] * u + a[1, 2] * w + a[1, 3]
-            q2 = a[2, 0] * u + a[2, 2] * w + a[2, 3]
-            k, _, h, v = _section_of(q0, q1, q2, k, axes, step)
+            q = _in_base(poses, i, x_row[j], z[i, j])
+            k, _, h, v = _section_of(q, k, axes, step)
             d, e = stock[k, 2], stock[k, 3]
             above = (h - stock[k, 0]) * e - (v - stock[k, 1]) * d  # the upper surface
             lean = h - stock[k, 0] * v / max(stock[k, 1], 1e-6)  # the line from the lower to the upper edge
@@ -123,15 +138,20 @@ def _stand_out(
 def _support(marked: Bool, out: Bool, first: int, last: int) -> None:
     for i in range(first, last):
         for j in range(marked.shape[1]):
-            if not marked[i, j]:
-                continue
-            frames, points = 0, 0
-            for r in range(max(i - SUPPORT_FRAMES, 0), min(i + SUPPORT_FRAMES + 1, marked.shape[0])):
-                here = 0
-                for c in range(max(j - SUPPORT_COLUMNS, 0), min(j + SUPPORT_COLUMNS + 1, marked.shape[1])):
-                    here += marked[r, c]
-                frames, points = frames + min(here, 1), points + here
-            out[i, j] = frames >= SUPPORT_FRAMES and points >= SUPPORT_POINTS
+            out[i, j] = marked[i, j] and _is_supported(marked, i, j)
+
+
+@kernel
+def _is_supported(marked: Bool, i: int, j: int) -> bool:
+    frames, points = 0, 0
+    for r in range(max(i - SUPPORT_FRAMES, 0), min(i + SUPPORT_FRAMES + 1, marked.shape[0])):
+        here = 0
+        for c in range(max(j - SUPPORT_COLUMNS, 0), min(j + SUPPORT_COLUMNS + 1, marked.shape[1])):
+            here += marked[r, c]
+        frames, points = frames + min(here, 1), points + here
+        if frames >= SUPPORT_FRAMES and points >= SUPPORT_POINTS:
+            return True
+    return False
 
 
 class Cuts(NamedTuple):
@@ -147,15 +167,7 @@ class Cuts(NamedTuple):
     beyond_mm: float = 0.0  # how far beyond the ends of the edge the cuts at its ends go on
 
 
-def standing_layers(
-    x_mm: Shaped[Float32, "N M"],
-    z_mm: Shaped[Float32, "N M"],
-    keep: Shaped[Bool, "N M"],
-    base_from_profiler: Shaped[Float, "N 4 4"],
-    sections: SectionTable,
-    start: Shaped[Int, " N"],
-    cuts: Cuts,
-) -> AnyArray:
+def standing_layers(scan: Scan, keep: Shaped[Bool, "N M"], cuts: Cuts) -> AnyArray:
     """For how many layers each point of the grid (N, M) still stands (uint16): 0 no point.
 
     65535: it belongs to the finished part; 65534: it stands above the finished face, and no layer takes it.
@@ -163,19 +175,15 @@ def standing_layers(
     Layer i takes a point away that lies above its face, and not beyond the tip of the cutter, where it cuts.
 
     Args:
-        x_mm, z_mm, keep: (N, M) the grid in the profiler frame.
-        base_from_profiler: (N, 4, 4).
-        sections: at n stations.
-        start: (N,) station near each frame.
+        scan: the grid.
+        keep: (N, M) its points.
         cuts: what the layers take away.
     """
-    out = np.zeros(x_mm.shape, np.uint16)
-    grid = (as_rows(x_mm), as_input(z_mm), as_input(keep), as_input(base_from_profiler))
+    out = np.zeros(keep.shape, np.uint16)
     cosine, sine, finished, ball = map(float, (cuts.cosine, cuts.sine, cuts.finished_mm, cuts.ball_mm))
-    slope = (cosine, sine, finished, ball, 0.5 * sections.step + float(cuts.beyond_mm) + 1e-6)
+    slope = (cosine, sine, finished, ball, 0.5 * scan.sections.step + float(cuts.beyond_mm) + 1e-6)
     cut = (as_input(cuts.face_mm), as_input(np.min(cuts.face_mm, axis=1)), as_input(cuts.reach_mm))
-    stock = (sections.axes, sections.step, as_input(start))
-    over_blocks(partial(_standing, *grid, *stock, slope, *cut, out), out.shape)
+    over_blocks(partial(_standing, *scan.seen_by(keep), slope, *cut, out), out.shape)
     return out
 
 
@@ -193,9 +201,9 @@ def _standing(
     z: Float32,
     keep: Bool,
     poses: Float,
+    start: Int,
     axes: Float,
     step: float,
-    start: Int,
     slope: tuple[float, float, float, float, float],
     face: Float,
     lowest: Float,
@@ -207,15 +215,12 @@ def _standing(
     cosine, sine, finished, ball, beyond = slope
     last_station = axes.shape[0] - 1
     for i in range(first, last):
-        a, k, x_row = poses[i], start[i], x[min(i, len(x) - 1)]
+        k, x_row = start[i], x[min(i, len(x) - 1)]
         for j in range(x.shape[1]):
             if not keep[i, j]:
                 continue
-            u, w = np.float64(x_row[j]), np.float64(z[i, j])
-            q0 = a[0, 0] * u + a[0, 2] * w + a[0, 3]
-            q1 = a[1, 0] * u + a[1, 2] * w + a[1, 3]
-            q2 = a[2, 0] * u + a[2, 2] * w + a[2, 3]
-            k, along, h, v = _section_of(q0, q1, q2, k, axes, step)
+            q = _in_base(poses, i, x_row[j], z[i, j])
+            k, along, h, v = _section_of(q, k, axes, step)
             height = cosine * h + sine * v - finished
             down = sine * h - cosine * v
             rises = _ball_rise(down - reach[k] + ball, ball)  # of what a ball end leaves
@@ -234,55 +239,99 @@ def _standing(
 
 
 def needed_heights(
-    points_mm: Float,
-    station: Shaped[Int, " p"],
-    origin_mm: Shaped[Float, "k 3"],
-    tangent: Shaped[Float, "k 3"],
-    outward: Shaped[Float, "k 3"],
-    axis: Shaped[Float, "k 3"],
+    scan: Scan,
+    marked: Shaped[Bool, "N M"],
+    arc_length_mm: Shaped[Float, " k"],
+    base_from_place: Shaped[Float, "k 4 4"],
     reach: tuple[float, float, float],
 ) -> Float:
-    """Height (k,) of the cutter above its k places that keeps it clear of points (p, 3); -inf where none is near.
+    """Height (k,) of the cutter above its k places that keeps it clear of what is marked; -inf where it need not rise.
 
-    The cutter is a cylinder about an axis along `axis`, which touches its place from outside, without end on the
-    shank's side. Lifted by L along `outward` it clears a point at (x inwards, y along the edge) beside it where
-    (x + R + L)^2 + y^2 >= (R + clearance)^2; beyond its tip the clearance is round.
+    The cutter is a cylinder about an axis along a place's z, which touches its place from outside, without end on the
+    shank's side. Lifted by L against x it clears a point at (x inwards, y along the edge) beside it where
+    (x + R + L)^2 + y^2 >= (R + clearance)^2; beyond its tip the clearance is round. A point counts where others support
+    it, at the places within a window about the one that is nearest along the edge.
+
+    A point that is too low, or too far beyond the tip, for all of these is told by the nearest of them: from place to
+    place its coordinates change by no more than the places are turned, times its distance, and apart.
 
     Args:
-        points_mm: that it must clear.
-        station: (p,) index of the place nearest to each point.
-        origin_mm, tangent, outward, axis: (k, 3) the places, about 1 mm apart, and their frames.
+        scan: the grid.
+        marked: (N, M) by `standing_out`.
+        arc_length_mm: (k,) of the places, about 1 mm apart.
+        base_from_place: (k, 4, 4) x into the material, y along the edge, z along the cutter's axis to its tip.
         reach: radius, clearance, and how far along the axis the tip reaches from the origin, mm.
     """
-    height = np.full(len(origin_mm), -np.inf)
-    places = np.concatenate([origin_mm, tangent, outward, axis], axis=1)
-    sizes = (float(reach[0]), float(reach[1]), float(reach[2]))
-    _needed(as_input(points_mm), as_input(station), as_input(places), sizes, height)
-    return height
+    radius, clearance, tip = map(float, reach)
+    window = int(1.5 * (radius + clearance)) + 3
+    sizes = (radius, clearance, tip, window, *_spread(base_from_place, window))
+    places = (as_input(arc_length_mm), as_input(base_from_place))
+    blocks = over_blocks(partial(_needed, *scan.seen_by(marked), *places, sizes), marked.shape)
+    return np.asarray(np.max([np.full(len(arc_length_mm), -np.inf), *blocks], axis=0))
+
+
+def _spread(poses: Shaped[Float, "k 4 4"], window: int) -> tuple[float, float]:
+    """How far poses no more than `window` from each other lie apart along x and z, mm, and are turned at most."""
+    apart, turned = 0.0, 0.0
+    for shift in range(1, min(window, len(poses) - 1) + 1):
+        one, other = poses[:-shift], poses[shift:]
+        off = other[:, :3, 3] - one[:, :3, 3]
+        for axes in (one, other):
+            apart = max(apart, float(np.abs(np.einsum("ki,kij->kj", off, axes[:, :3, [0, 2]])).max()))
+        turned = max(turned, float(np.linalg.norm(other[:, :3, :3] - one[:, :3, :3], axis=(1, 2)).max()))
+    return apart, turned
+
+
+@kernel(inline="always")
+def _seen_from(poses: Float, i: int, q: Vector) -> Vector:
+    """A point's coordinates in the frame of pose i."""
+    d0, d1, d2 = q[0] - poses[i, 0, 3], q[1] - poses[i, 1, 3], q[2] - poses[i, 2, 3]
+    return (
+        d0 * poses[i, 0, 0] + d1 * poses[i, 1, 0] + d2 * poses[i, 2, 0],
+        d0 * poses[i, 0, 1] + d1 * poses[i, 1, 1] + d2 * poses[i, 2, 1],
+        d0 * poses[i, 0, 2] + d1 * poses[i, 1, 2] + d2 * poses[i, 2, 2],
+    )
 
 
 @kernel
-def _needed(points: Float, station: Int, places: Float, sizes: tuple[float, float, float], out: Float) -> None:
-    radius, clearance, tip = sizes
-    wide, clear2 = radius + clearance, clearance * clearance
-    window = int(1.5 * wide) + 3
-    for i in range(points.shape[0]):
-        for k in range(max(station[i] - window, 0), min(station[i] + window + 1, places.shape[0])):
-            y, b, along = 0.0, 0.0, 0.0
-            for c in range(3):
-                d = points[i, c] - places[k, c]
-                y, b, along = y + d * places[k, 3 + c], b + d * places[k, 6 + c], along + d * places[k, 9 + c]
-            beyond = max(along - tip, 0.0)
-            if abs(y) < wide and beyond < clearance:
-                reach = radius + np.sqrt(clear2 - beyond * beyond)
-                if abs(y) < reach:
-                    out[k] = max(out[k], b - radius + np.sqrt(reach * reach - y * y))
-
-
-def place(x_mm: Float32, z_mm: Float32, base_from_profiler: Float, rows: Int, columns: Int) -> Float:
-    """Base coordinates (p, 3), float64, of some points of the grid."""
-    pose, x, z = base_from_profiler[rows], x_mm[rows, columns], z_mm[rows, columns]
-    return np.asarray(pose[:, :3, 0] * x[:, None] + pose[:, :3, 2] * z[:, None] + pose[:, :3, 3])
+def _needed(
+    x: Float32,
+    z: Float32,
+    marked: Bool,
+    poses: Float,
+    start: Int,
+    axes: Float,
+    step: float,
+    arc: Float,
+    places: Float,
+    sizes: tuple[float, float, float, int, float, float],
+    first: int,
+    last: int,
+) -> Float:
+    radius, clearance, tip, window, apart, turned = sizes
+    wide, clear2, final = radius + clearance, clearance * clearance, places.shape[0] - 1
+    height = np.full(len(places), -np.inf)
+    for i in range(first, last):
+        k, x_row = start[i], x[min(i, len(x) - 1)]
+        for j in range(marked.shape[1]):
+            if not marked[i, j]:
+                continue
+            q = _in_base(poses, i, x_row[j], z[i, j])
+            k, along_edge, _, _ = _section_of(q, k, axes, step)
+            nearest = min(np.searchsorted(arc, k * step + along_edge), final)
+            inwards, y, along = _seen_from(places, nearest, q)
+            spare = apart + turned * np.sqrt(inwards * inwards + y * y + along * along)
+            low = inwards > clearance + spare or along > tip + clearance + spare
+            if low or not _is_supported(marked, i, j):
+                continue
+            for p in range(max(nearest - window, 0), min(nearest + window, final) + 1):
+                inwards, y, along = _seen_from(places, p, q)
+                beyond = max(along - tip, 0.0)
+                if abs(y) < wide and beyond < clearance:
+                    reach = radius + np.sqrt(clear2 - beyond * beyond)
+                    if abs(y) < reach:
+                        height[p] = max(height[p], -inwards - radius + np.sqrt(reach * reach - y * y))
+    return height
 
 
 def nearest_stations(points_mm: Float, start: Int, sections: SectionTable) -> tuple[Int, Float, Float]:
@@ -295,7 +344,7 @@ def nearest_stations(points_mm: Float, start: Int, sections: SectionTable) -> tu
 @kernel
 def _stations(points: Float, start: Int, axes: Float, step: float, station: Int, arc: Float, section: Float) -> None:
     for i in range(points.shape[0]):
-        k, along, h, v = _section_of(points[i, 0], points[i, 1], points[i, 2], start[i], axes, step)
+        k, along, h, v = _section_of((points[i, 0], points[i, 1], points[i, 2]), start[i], axes, step)
         station[i], arc[i] = k, k * step + along
         section[i, 0], section[i, 1] = h, v
 

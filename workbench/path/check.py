@@ -377,7 +377,7 @@ def collisions(
             yield f"layer {layer.index} takes nothing away that was measured"
     foreign = find_foreign(cloud, edge, sections_of(stocked_course(edge, edge.arc_length_mm, toolpath)))
     stands[edge.labels == UNLABELLED] = 0  # stray returns, but for those that neighbours support
-    stands[foreign.frame, foreign.column] = ALWAYS
+    stands[foreign] = ALWAYS
     stock = build_stock(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, stands)
     allowed, radius = penetration_mm + 3.0 * _edge_u_mm(toolpath, edge), toolpath.cutter.radius_mm
     if allowed >= radius:

@@ -15,9 +15,9 @@ from workbench.artefacts import Cloud, Edge, Layer, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.geometry.distances import LineIndex, Stock, axis_distances, build_stock, index_lines, line_distances
 from workbench.geometry.moves import limit_acceleration, step_lengths_mm
-from workbench.geometry.stations import Cuts, frame_stations, standing_layers
+from workbench.geometry.stations import Cuts, standing_layers
 from workbench.path.course import Bevel, Course, Poses, cutter_ends, finished, lower_course, poses_of
-from workbench.path.obstacles import sections_of
+from workbench.path.obstacles import scan_of, sections_of
 from workbench.stage import AtLeast, stage
 from workbench.units import DEG, AnyArray, Bool, Float
 
@@ -50,8 +50,6 @@ def standing(toolpath: Toolpath, cloud: Cloud, edge: Edge, swept: bool = False) 
     bevel, length = finished(toolpath), float(edge.arc_length_mm[-1])
     count = (len(edge.arc_length_mm) - 1) * (SWEPT_STATIONS if swept else 1) + 1
     table = lower_course(edge, np.linspace(0.0, length, count))
-    sections = sections_of(table)
-    start = frame_stations(edge.frame_arc_length_mm, cloud.pass_index, sections.step, count)
     (cosine, sine), radius = bevel.normal, toolpath.cutter.radius_mm
     final, faces = toolpath.layers[-1], []
     course = lower_course(edge, final.arc_length_mm)
@@ -68,23 +66,16 @@ def standing(toolpath: Toolpath, cloud: Cloud, edge: Edge, swept: bool = False) 
     reach = np.interp(table.arc_length_mm, layer.arc_length_mm, down) + toolpath.cutter.flute_length_mm / 2.0
     if bevel.fillet_mm:  # as required, not as the path has it: below the fillet the part must remain
         reach = np.full_like(reach, radius - (bevel.root_mm + bevel.fillet_mm) * cosine)
-    return standing_layers(
-        cloud.x_mm,
-        cloud.z_mm,
-        cloud.keep,
-        cloud.base_from_profiler,
-        sections,
-        start,
-        Cuts(
-            cosine,
-            sine,
-            bevel.plane_mm * sine,
-            bevel.fillet_mm,
-            np.stack(faces, axis=1),
-            reach,
-            radius if swept else 0.0,
-        ),
+    cuts = Cuts(
+        cosine,
+        sine,
+        bevel.plane_mm * sine,
+        bevel.fillet_mm,
+        np.stack(faces, axis=1),
+        reach,
+        radius if swept else 0.0,
     )
+    return standing_layers(scan_of(cloud, edge, sections_of(table)), cloud.keep, cuts)
 
 
 def stock_distances(

@@ -10,15 +10,14 @@ import numpy as np
 
 from workbench.artefacts import ROOT_FACE, UNLABELLED, Cloud, Edge
 from workbench.geometry.moves import runs
-from workbench.geometry.poses import rotation_from_quaternion
 from workbench.geometry.stations import (
+    Scan,
     SectionTable,
-    foreign_points,
     frame_stations,
-    nearest_stations,
     needed_heights,
-    place,
     section_table,
+    standing_out,
+    supported,
 )
 from workbench.path.course import Course, smoothstep
 from workbench.units import Bool, Float, Int, Shaped
@@ -28,16 +27,6 @@ CLAMP_MM = 0.5  # over a hidden stretch, where a clamp may lie close
 IN_THE_WAY = "clamp or other material in the way"
 LEAST_CUT_MM = 2.0  # for less the cutter does not come down
 BESIDE_MM = 5.0  # points of a clamp lie up to this far from the stretch that it hides
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Foreign:
-    """Points of the cloud that belong to no face of the stock."""
-
-    frame: Shaped[Int, " p"]
-    column: Shaped[Int, " p"]
-    position_mm: Shaped[Float, "p 3"]  # in the base
-    arc_length_mm: Shaped[Float, " p"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,8 +48,20 @@ def sections_of(course: Course) -> SectionTable:
     return section_table(step, *arrays)
 
 
-def find_foreign(cloud: Cloud, edge: Edge, sections: SectionTable) -> Foreign:
-    """Kept points of no face of the stock that stand out of it, and that neighbours on the grid support."""
+def scan_of(cloud: Cloud, edge: Edge, sections: SectionTable) -> Scan:
+    """The cloud's grid beside sections of the edge's stock."""
+    count = len(sections.axes)
+    start = frame_stations(edge.frame_arc_length_mm, cloud.pass_index, sections.step, count)
+    return Scan(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, start, sections)
+
+
+def find_foreign(cloud: Cloud, edge: Edge, sections: SectionTable) -> tuple[Int, Int]:
+    """Frames and columns of kept points of no face of the stock that stand out of it and that neighbours support."""
+    return supported(_standing_out(scan_of(cloud, edge, sections), cloud, edge))
+
+
+def _standing_out(scan: Scan, cloud: Cloud, edge: Edge) -> Bool:
+    """Which kept points (N, M) of no face stand out of the stock: clamps, the table, streaks."""
     stations = edge.arc_length_mm
     hidden = stations[~edge.seen]
     near = np.zeros(stations.size, bool)
@@ -69,34 +70,30 @@ def find_foreign(cloud: Cloud, edge: Edge, sections: SectionTable) -> Foreign:
         near = np.minimum(np.abs(stations - hidden[at]), np.abs(stations - hidden[at - 1])) <= BESIDE_MM
     tolerance = np.where(near, CLAMP_MM, BURR_MM)
     tolerance[[0, -1]] = BURR_MM  # beyond the ends of the edge
-    start = frame_stations(edge.frame_arc_length_mm, cloud.pass_index, sections.step, stations.size)
     usable = cloud.keep & ~((edge.labels >= ROOT_FACE) & (edge.labels != UNLABELLED))
-    rows, columns = foreign_points(cloud.x_mm, cloud.z_mm, usable, cloud.base_from_profiler, sections, start, tolerance)
-    points = place(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, rows, columns)
-    _, arc, _ = nearest_stations(points, start[rows], sections)
-    return Foreign(rows, columns, points, arc)
+    return standing_out(scan, usable, tolerance)
 
 
 def clearance_heights(
-    foreign: Foreign,
-    course: Course,
-    origin_mm: Shaped[Float, "k 3"],
-    quaternion_wxyz: Shaped[Float, "k 4"],
+    cloud: Cloud,
+    edge: Edge,
+    sections: SectionTable,
+    arc_length_mm: Shaped[Float, " k"],
+    base_from_tool: Shaped[Float, "k 4 4"],
     reach: tuple[float, float, float],
 ) -> Float:
-    """Height (k,) above the final layer's places that keeps the cutter clear of the foreign points.
+    """Height (k,) above the final layer's places that keeps the cutter clear of foreign points; -inf: none is near.
 
     Args:
-        foreign: what it must clear.
-        course: at the k places.
-        origin_mm, quaternion_wxyz: (k, 3), (k, 4) frames of the final layer.
+        cloud: the scan.
+        edge: that was found in it.
+        sections: of the stock.
+        arc_length_mm: (k,) of the places.
+        base_from_tool: (k, 4, 4) frames of the final layer.
         reach: radius, clearance, and the tip's distance from the origin, mm.
     """
-    s = course.arc_length_mm
-    at = np.clip(np.searchsorted(s, foreign.arc_length_mm), 0, s.size - 1)
-    axes = rotation_from_quaternion(quaternion_wxyz)
-    x, y, z = (axes[:, :, k] for k in range(3))
-    return needed_heights(foreign.position_mm, at, origin_mm, y, -x, z, reach)
+    scan = scan_of(cloud, edge, sections)
+    return needed_heights(scan, _standing_out(scan, cloud, edge), arc_length_mm, base_from_tool, reach)
 
 
 def find_lifts(

@@ -12,11 +12,11 @@ import numpy as np
 from workbench.artefacts import ChainU, Cloud, Cutter, Edge, Layer, RawEdge, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.geometry.moves import runs
+from workbench.geometry.poses import pose_from, rotation_from_quaternion
 from workbench.path.course import LEAST_DEPTH_MM, Bevel, Course, bevel_normal, tool_quaternions
 from workbench.path.obstacles import (
     Lift,
     clearance_heights,
-    find_foreign,
     find_lifts,
     hold_at_ends,
     lifted_heights,
@@ -373,9 +373,9 @@ def make_plan(
     edge = scanned.edge
     s, length, beside = course.arc_length_mm, float(edge.arc_length_mm[-1]), min(air.over_mm, air.beside_mm)
     outward, quaternion = tool_frames(course, bevel)
-    foreign = find_foreign(scanned.cloud, edge, sections_of(scanned.table))
+    final = pose_from(rotation_from_quaternion(quaternion), origins(course, bevel, 0.0))
     reach = (cutter.diameter_mm / 2.0, beside, cutter.flute_length_mm / 2.0)
-    needed = clearance_heights(foreign, course, origins(course, bevel, 0.0), quaternion, reach)
+    needed = clearance_heights(scanned.cloud, edge, sections_of(scanned.table), s, final, reach)
     stock = bevel.height_mm(course.upper_mm)
     clear = float(stock.max()) + air.over_mm
     found = find_lifts(s, course.seen, needed, clear, air.over_mm - beside, air.ramp_mm)

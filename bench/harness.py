@@ -49,10 +49,11 @@ class Study:
     marks: str = "tables"
     put: Callable[[Path, str], str] = field(default=lambda page, text: text)  # the same as that page has it
     told: Callable[[Any], Iterable[str]] | None = None  # lines on standard error of each result as it comes
+    failed: Callable[[Any], object] = field(default=lambda result: False)  # whether a result is a failure
     workers: int = 2
 
-    def __call__(self, arguments: Sequence[str] | None = None) -> None:
-        """Measure, print, and write the page if it is asked for.
+    def __call__(self, arguments: Sequence[str] | None = None) -> int:
+        """Measure, print, and write the page if it is asked for; the exit status is 1 where a result failed.
 
         Results are kept, so that a stopped run goes on, unless they are told as they come.
         """
@@ -70,6 +71,7 @@ class Study:
         if self.page and given.docs:
             page = ROOT / "docs" / self.page
             put_into(page, self.put(page, text), self.marks)
+        return int(any(map(self.failed, found)))
 
     def _parsed(self, arguments: Sequence[str] | None) -> argparse.Namespace:
         parser = argparse.ArgumentParser(prog=f"python -m bench.{self.name}", description=self.says)

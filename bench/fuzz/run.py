@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import random
 import resource
 import signal
@@ -14,9 +15,9 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn
+from typing import NoReturn
 
-from bench.fuzz.targets import Target
+from bench.fuzz.targets import TARGETS, Target
 from workbench.errors import WorkbenchError
 
 HANG_S = 10  # of processor time; ten times as long by the clock, of a machine that others use too
@@ -101,6 +102,14 @@ def confine() -> None:
     sys.setrecursionlimit(1000)
 
 
-def as_row(outcome: Outcome) -> dict[str, Any]:
-    """An outcome as JSON holds it."""
-    return {**vars(outcome), "failures": dict(outcome.failures)}
+def main(name: str, executions: str, seed: str, keep: str) -> None:
+    """One reader in this process; its outcome as JSON."""
+    target = next(target for target in TARGETS if target.name == name)
+    target.read(target.files()[0])  # imports and compiles
+    confine()
+    outcome = fuzz(target, int(executions), int(seed), Path(keep))
+    print(json.dumps({**vars(outcome), "failures": dict(outcome.failures)}))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

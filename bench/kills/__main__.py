@@ -10,7 +10,6 @@ that was acknowledged; a fault that does not kill ends in one of the project's o
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import ctypes
 import gc
@@ -23,16 +22,17 @@ import sys
 import tempfile
 import time
 import traceback
+from argparse import Namespace
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
-from bench.harness import ROOT, made_by
+from bench.harness import ROOT, Option, Study
 from bench.kills.sets import digest_of, leftovers, whole_sets
-from bench.tables import markdown, put_into
+from bench.tables import markdown
 
 CORPUS = ROOT / "bench" / "fuzz" / "corpus"
 SCRATCH = Path("/dev/shm")  # the faults are drawn: a real disk would only add its own waits
@@ -81,7 +81,7 @@ def publishing(name: str, pipeline: str, inputs: dict[str, Any]) -> Command:
     from workbench.pipeline.terminal import Reporter
 
     checked = Pipeline.load(ROOT / "pipelines" / pipeline).plan(inputs)
-    (files,) = _forked(lambda _: run_files(checked, run_plan(checked, Reporter())), [range(0)])
+    files = forked(lambda: run_files(checked, run_plan(checked, Reporter())))
 
     def write(out: Path, made: dict[str, bytes] = files) -> None:
         target = OutputDirectory(out)
@@ -429,50 +429,47 @@ def drawn(name: str, seconds: float, seeds: range) -> Counter[str]:
     return found
 
 
-def preload() -> None:
+def preloaded(arguments: Sequence[str]) -> int:
     """Begin again with faults.c under libc."""
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / "faults.so"
         source = Path(__file__).with_name("faults.c")
         subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", made, source, "-ldl"], check=True)
-        again = [sys.executable, "-m", "bench.kills", *sys.argv[1:]]
-        sys.exit(subprocess.run(again, env={**os.environ, "LD_PRELOAD": str(made)}, check=False).returncode)
+        again = [sys.executable, "-m", "bench.kills", *arguments]
+        return subprocess.run(again, env={**os.environ, "LD_PRELOAD": str(made)}, check=False).returncode
 
 
-def main() -> int:
-    """Every command; the table."""
-    parser = argparse.ArgumentParser(prog="python -m bench.kills", description=__doc__)
-    parser.add_argument("--cases", type=int, default=1_500, help="of each command")
-    parser.add_argument("--only", nargs="*", help="commands")
-    parser.add_argument("--seed", type=int, default=1, help="of the first case; the next has the next")
-    parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument(
-        "--seconds", type=float, default=1e9, help="at most, shared by the commands, beside the first run of each"
-    )
-    parser.add_argument("--docs", action="store_true", help="write the table into docs/reliability.md")
-    options = parser.parse_args()
-    if "faults.so" not in os.environ.pop("LD_PRELOAD", ""):
-        preload()
-    names = options.only or list(commands(Path()))
-    summed = {}
-    for name in names:
-        first, last, step = options.seed, options.seed + options.cases, options.processes
-        if name == "queue" and len(names) > 1:
-            first, step = first + -first % QUEUE_EVERY, QUEUE_EVERY * step
-        shares = [range(first + k * step // options.processes, last, step) for k in range(options.processes)]
-        summed[name] = sum(_forked(partial(drawn, name, options.seconds / len(names)), shares), Counter())
-    told = f"`python -m bench.kills --cases {options.cases} --seed {options.seed}`"
-    text = "\n".join([f"{told}{made_by() if options.docs else ''}", "", *table(summed)])
-    print(text)
-    if options.docs:
-        put_into(ROOT / "docs" / "reliability.md", text, "kills")
-    return int(any(broken(of) for of in summed.values()))
+def tasks(given: Namespace) -> Iterator[tuple[str, float, range]]:
+    """Command, its share of the time, and its seeds, a task a worker."""
+    for name in given.only:
+        every = QUEUE_EVERY if name == "queue" and len(given.only) > 1 else 1
+        first = given.seed + -given.seed % every
+        for k in range(given.workers):
+            seeds = range(first + k * every, given.seed + given.cases, every * given.workers)
+            yield name, given.seconds / len(given.only), seeds
 
 
-def table(found: dict[str, Counter[str]]) -> list[str]:
+def measured(task: tuple[str, float, range]) -> tuple[str, Counter[str]]:
+    """A command, in a process of its own that it may change."""
+    return task[0], forked(partial(drawn, *task))
+
+
+def forked(work: Callable[[], Any]) -> Any:
+    """What `work` makes in a fork of this process."""
+    reader, writer = os.pipe()
+    if not os.fork():
+        os.write(writer, pickle.dumps(work()))
+        os._exit(0)
+    os.close(writer)
+    with os.fdopen(reader, "rb") as told:
+        return pickle.loads(told.read())
+
+
+def table(found: Sequence[tuple[str, Counter[str]]], given: Namespace) -> list[str]:
     """A row a command: what stood there after each fault that it met."""
+    summed = {name: sum((of for one, of in found if one == name), Counter[str]()) for name in given.only}
     counts = ["cases", *STATES, "the next run works"]
-    rows = [[name, *(f"{of[what]:,}" for what in counts), str(broken(of))] for name, of in found.items()]
+    rows = [[name, *(f"{of[what]:,}" for what in counts), str(broken(of))] for name, of in summed.items()]
     return markdown(["command", *counts, "broken"], rows)
 
 
@@ -481,18 +478,23 @@ def broken(found: Counter[str]) -> int:
     return sum(count for what, count in found.items() if what.startswith("BROKEN"))
 
 
-def _forked(work: Callable[[range], Any], shares: list[range]) -> list[Any]:
-    """Each share in a process of its own."""
-    pipes = []
-    for share in shares:
-        reader, writer = os.pipe()
-        if not os.fork():
-            os.write(writer, pickle.dumps(work(share)))
-            os._exit(0)
-        os.close(writer)
-        pipes.append(reader)
-    return [pickle.loads(os.fdopen(reader, "rb").read()) for reader in pipes]
-
-
+STUDY = Study(
+    "kills",
+    str(__doc__),
+    {
+        "cases": Option(1_500, "of each command"),
+        "only": Option(tuple(commands(Path())), "commands"),
+        "seed": Option(1, "of the first case; the next has the next"),
+        "seconds": Option(1e9, "at most, shared by the commands, beside the first run of each", said=False),
+    },
+    tasks,
+    measured,
+    table,
+    "reliability.md",
+    "kills",
+    told=lambda found: [],
+    failed=lambda found: broken(found[1]),
+    workers=1,
+)
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(STUDY() if hasattr(ctypes.CDLL(None), "arm_faults") else preloaded(sys.argv[1:]))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from workbench.checks.conventions import EULER, Convention, known_conventions, known_profile_readings
+from workbench.checks import Convention, known_conventions, known_profile_readings
 from workbench.units import Float
 
 TRUE = Rotation.random(40, random_state=3)
@@ -72,6 +72,7 @@ def order(name: str) -> str:
     return f"{'-'.join(name.upper())} ({'moving' if name.isupper() else 'fixed'})"
 
 
+EULER = ("ZYX", "XYZ", "ZYZ", "zyx", "xyz")  # as controllers have them
 NEAR, FAR = (0.1, 1.4), (np.pi - 1.4, np.pi - 0.1)  # middle angles; beyond 90 deg the order has first and last alike
 
 

@@ -34,14 +34,12 @@ from bench.score.outsider import plain
 from bench.simulators.swept import simulate_groove, simulate_swept
 from bench.simulators.swept.sweep import GROOVES
 from tests.seldom import seldom
-from workbench.checks.straightness import _shape
 from workbench.cloud import denoise
 from workbench.cloud import read as read_cloud
 from workbench.edge import segment, segment_cloud, segment_raw
 from workbench.errors import InputError, WorkbenchError
 from workbench.scan import fuse
-from workbench.synthetic import simulate_prism, simulate_recording
-from workbench.synthetic.recipe import PrismRecipe
+from workbench.synthetic import PrismRecipe, simulate_prism, simulate_recording
 from workbench.units import DEG
 
 REAL = Path(__file__).parents[3] / "shared" / "data"
@@ -216,16 +214,6 @@ def test_a_face_that_rises_behind_is_another_plate_s_end_if_it_is_parallel(lean_
     section = Sizes(5.9 - 1e-3, np.pi / 4.0, 5.9, 6.0).drawn((above, strip))
     told = alone(plain(simulate(3, True, section), is_raw=True)).refused
     assert ("face_behind_share" in told) == bool(told) == refused
-
-
-def test_noise_that_neighbouring_columns_share_makes_no_corner() -> None:
-    rng, place = np.random.default_rng(1), (np.arange(12) + 0.5) / 12.0
-    smooth = np.exp(-np.abs(np.subtract.outer(np.arange(12.0), np.arange(12.0))) / 3.0)
-    for _ in range(200):
-        noise = rng.normal(0.0, 0.012, (120, 12)) @ np.linalg.cholesky(smooth).T
-        assert _shape(place, noise, 1.2).turn == 0.0
-    bent = noise + np.maximum(place - 0.6, 0.0) * 1.2 * np.tan(6.0 * DEG)
-    assert _shape(place, bent, 1.2).turn == pytest.approx(6.0 * DEG, rel=0.2)
 
 
 MEASURED = {"lower edge rounded by 0.15 to 1.2 mm", "a rail in front", DEBURRED}  # others may be refused

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workbench.checks.motion import SURE, TWISTED_MM, _twist, jump_mm
+from workbench.checks import Consistency
+from workbench.checks.motion import SURE, TWISTED_MM, _twist, consistency, jump_mm
 from workbench.units import DEG, Float
 
 TIME = np.arange(300) / 100.0
@@ -77,3 +78,21 @@ def test_what_is_uncertain_of_the_steps_is_taken_off() -> None:
     assert known > 0.5
     assert twist(2.0, 0.5 * TWISTED_MM, u_deg)[0] == pytest.approx(known)
     assert twist(2.0, 0.5 * TWISTED_MM, 20.0 * u_deg) == (0.0, 0.0)
+
+
+def _carried(aside_mm: Float) -> Consistency:
+    """Of an edge that lies `aside_mm` (k,) beside the straight way of a robot whose profiles are 1 mm apart."""
+    count = len(aside_mm)
+    pose = np.repeat(np.eye(4)[None], count, axis=0)
+    pose[:, 1, 3] = np.arange(count)
+    track = (np.column_stack([aside_mm, np.zeros(count)]), np.zeros(count), np.zeros(count, dtype=int))
+    return consistency({0: SimpleNamespace(track=track, turn_u=np.zeros(count))}, {0: pose})
+
+
+def test_ramps_are_no_turn_of_the_laser_plane() -> None:
+    """An edge cut in parts goes 2 mm to the side and back on ramps of 22 deg: of the robot that says nothing."""
+    along = np.arange(130.0)
+    uncut = sum(np.clip(6.0 - np.abs(along - at), 0.0, 5.0) * 0.4 for at in (25.0, 60.0, 95.0))
+    assert _carried(uncut).varies_deg < 8.0
+    turning = 0.5 * along**2 / 130.0  # 0 to 45 deg, as of an orientation that was held along an arc
+    assert _carried(turning).varies_deg > 15.0

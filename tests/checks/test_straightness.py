@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from workbench.artefacts import BEVEL_FACE
-from workbench.checks.straightness import Straightness, straightness
+from workbench.checks.straightness import Straightness, _shape, straightness
 from workbench.units import DEG, Float
 
 WIDTH_MM, COLUMNS, FRAMES = 8.0, 160, 30
@@ -73,3 +73,13 @@ def test_few_frames_or_columns_tell_nothing() -> None:
     shape = corner(2.0, 0.5)
     assert [found(shape, frames=n).turn != 0.0 for n in (3, 4)] == [False, True]
     assert [found(shape, columns=n).turn != 0.0 for n in (11, 20)] == [False, True]
+
+
+def test_noise_that_neighbouring_columns_share_makes_no_corner() -> None:
+    rng, place = np.random.default_rng(1), (np.arange(12) + 0.5) / 12.0
+    smooth = np.exp(-np.abs(np.subtract.outer(np.arange(12.0), np.arange(12.0))) / 3.0)
+    for _ in range(200):
+        noise = rng.normal(0.0, 0.012, (120, 12)) @ np.linalg.cholesky(smooth).T
+        assert _shape(place, noise, 1.2).turn == 0.0
+    bent = noise + np.maximum(place - 0.6, 0.0) * 1.2 * np.tan(6.0 * DEG)
+    assert _shape(place, bent, 1.2).turn == pytest.approx(6.0 * DEG, rel=0.2)

@@ -15,8 +15,7 @@ from tests.seldom import seldom
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_raw
-from workbench.path import layers
-from workbench.path.check import unseen_checks
+from workbench.path import check, layers
 from workbench.scan import fuse
 from workbench.units import DEG
 
@@ -43,7 +42,8 @@ def test_a_path_names_that_a_stop_looks_alike() -> None:
     cloud = denoise(fuse(part.recording))
     edge = segment_raw(cloud, upper_side=up)
     assert any("a stop which touches it" in one for one in edge.warnings)
-    assert any("a stop which touches it" in one for one in unseen_checks(layers(edge, cloud, root_mm=1.5)))
+    decision = check(layers(edge, cloud, root_mm=1.5), edge, cloud)
+    assert any("a stop which touches it" in one for one in decision.unchecked)
 
 
 def test_that_it_lies_on_a_table_is_said() -> None:

@@ -12,20 +12,17 @@ import pytest
 from bench.confidently_wrong.shapes import SHAPES, shape_recording
 from bench.joints import JOINTS, measured
 from bench.simulators.swept import SweptRecipe, simulate_swept
+from tests.made import files_of
 from tests.seldom import seldom
 from workbench.artefacts import Preparation
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_preparation
-from workbench.edge.prepared_profile import kind_of
 from workbench.errors import InputError, PipelineError
 from workbench.inspect import preparation as inspect_preparation
-from workbench.pipeline.results import inspection_document
 from workbench.report import html
 from workbench.report import preparation as report_preparation
 from workbench.result_files import RESULT_FILES
 from workbench.scan import fuse, read
-from workbench.strict_json import strict_json
-from workbench.units import DEG
 
 SEED = 4712
 RECORDING = "data/synthetic/milled_nose.h5"
@@ -174,7 +171,7 @@ def test_sizes_are_judged_and_written(cloud, nose) -> None:
     wanted = {"land_mm": 1.2, "land_tolerance_mm": [-0.1, 0.1], "bevel_deg": 40, "bevel_tolerance_deg": [-1, 1]}
     judged = inspect_preparation(nose, nominal=wanted, accept_conditions=("window_end",))
     assert judged.verdict == "pass"
-    document = json.loads(strict_json(inspection_document(judged)))
+    document = json.loads(files_of(judged)["preparation.json"])
     RESULT_FILES["preparation.json"].model_validate(document)
     largest = max(section["land_u_mm"] for section in document["sections"])
     parts = sum((row.get("land_u_mm") or 0.0) ** 2 for row in document["uncertainty"]["sources"])
@@ -189,21 +186,3 @@ def test_sizes_are_judged_and_written(cloud, nose) -> None:
 def test_a_size_that_no_preparation_has_is_refused(nose) -> None:
     with pytest.raises(PipelineError, match=r"inspect.preparation.nominal: lnd_mm.*land_mm"):
         inspect_preparation(nose, nominal={"lnd_mm": 1.0})
-
-
-@pytest.mark.parametrize(
-    ("falls", "kind"),
-    [
-        ([50.0], "bevel"),
-        ([30.0, 50.0], "compound"),
-        ([50.0, 30.0], "compound"),
-        ([50.0, 51.0], None),
-        ([50.0, 1.0], "nose"),
-        ([80.0, 60.0, 40.0, 20.0, 2.0], "J"),
-        ([80.0, 60.0, 70.0], None),
-        ([89.9], None),
-        ([], None),
-    ],
-)
-def test_faces_that_fall_so_are_such_a_preparation(falls: list[float], kind: str | None) -> None:
-    assert kind_of([fall * DEG for fall in falls]) == kind

@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workbench.artefacts import Preparation, Quantity
-from workbench.artefacts.edges import Corner
+from workbench.artefacts import Corner, Preparation, Quantity
 from workbench.errors import InputError, PipelineError
 from workbench.inspect import groove_gate, preparation
-from workbench.inspect.groove import NOTHING_REQUIRED
 
 LENGTH_MM = 20.0
 S = np.arange(LENGTH_MM + 1.0)
@@ -175,11 +173,12 @@ def test_each_source_is_told_in_the_section_where_its_size_is_known_worst() -> N
 
 def test_nothing_required_is_measured_and_let_through() -> None:
     made = preparation(joint(), sections=2)
-    assert (made.verdict, made.reason) == ("undecided", NOTHING_REQUIRED)
-    assert made.sections[0].reason == NOTHING_REQUIRED
+    told = "no specification: measured, conformity not assessed"
+    assert (made.verdict, made.reason) == ("undecided", told)
+    assert made.sections[0].reason == told
     opened = groove_gate(made)
     assert opened.passed
-    assert opened.warnings == (NOTHING_REQUIRED,)
+    assert opened.warnings == (told,)
     assert not groove_gate(made, accept_unjudged=False).passed
 
 

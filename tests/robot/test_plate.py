@@ -13,9 +13,7 @@ from workbench.artefacts import Cloud, PointSet
 from workbench.errors import InputError
 from workbench.path import read
 from workbench.pipeline import Pipeline
-from workbench.robot import Cell, plate, turntable_pose
-from workbench.robot.bounds import CollisionScreen
-from workbench.robot.plate import scan_uncertainty
+from workbench.robot import Cell, CollisionScreen, plate, turntable_pose
 
 ROOT = Path(__file__).parents[2]
 
@@ -40,21 +38,22 @@ def cloud_of(covariance: np.ndarray | None) -> Cloud:
     )
 
 
-def test_the_hand_eyes_uncertainty_is_that_of_its_points() -> None:
+def test_the_hand_eyes_uncertainty_is_that_of_its_points(cell: Cell) -> None:
     """Against random hand-eyes drawn from the covariance: the worst point's worst direction."""
     rng = np.random.default_rng(4)
     root = rng.normal(size=(6, 6)) * np.array([0.05] * 3 + [2e-4] * 3)[:, None]
     covariance = root @ root.T
     cloud = cloud_of(covariance)
-    found = scan_uncertainty(cloud)
+    known = dataclasses.replace(cell.margins, part_mm=0.0, part_rad=0.0)
+    margins = plate(dataclasses.replace(cell, margins=known), cloud).margins
     drawn = rng.multivariate_normal(np.zeros(6), covariance, 40_000)
     worst = 0.0
     for x in np.linspace(-40, 40, 9):
         arm = cloud.flange_from_profiler[:3, :3] @ np.array([x, 0, 300.0])
         off = drawn[:, :3] + np.cross(drawn[:, 3:], arm)
         worst = max(worst, float(np.sqrt(np.linalg.eigvalsh(np.cov(off.T)).max())))
-    assert found[0] == pytest.approx(worst, rel=0.02)
-    assert found[1] == pytest.approx(np.sqrt(np.linalg.eigvalsh(np.cov(drawn[:, 3:].T)).max()), rel=0.02)
+    assert margins.part_mm == pytest.approx(worst, rel=0.02)
+    assert margins.part_rad == pytest.approx(np.sqrt(np.linalg.eigvalsh(np.cov(drawn[:, 3:].T)).max()), rel=0.02)
 
 
 def test_it_widens_what_bodies_must_keep(cell: Cell) -> None:

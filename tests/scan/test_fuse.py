@@ -16,7 +16,6 @@ from workbench.api import pose_from, rotation_from_rpy
 from workbench.artefacts import Recording
 from workbench.errors import InputError
 from workbench.scan import fuse, read
-from workbench.scan.fuse import sparse_poses_u
 from workbench.units import Float
 
 
@@ -123,15 +122,19 @@ def test_poses_far_apart_say_how_uncertain_the_frames_between_them_are(recording
 
     def sparse(way: Float, noise_mm: float, noise_deg: float) -> tuple[float, float]:
         turns = Rotation.from_rotvec(np.radians(rng.normal(0.0, noise_deg, (count, 3)))) * still
-        return sparse_poses_u(
-            dataclasses.replace(
-                recording,
-                robot_position_mm=way + rng.normal(0.0, noise_mm, (count, 3)),
-                robot_quaternion_wxyz=turns.as_quat()[:, [3, 0, 1, 2]],
-                robot_time_s=along,
-                robot_pass=np.zeros(count, np.int64),
-            )
+        return sparse_u(way + rng.normal(0.0, noise_mm, (count, 3)), turns)
+
+    def sparse_u(way: Float, turns: Rotation) -> tuple[float, float]:
+        moved = dataclasses.replace(
+            recording,
+            time_s=np.linspace(along[0], along[-1], len(recording.time_s)),
+            pass_index=np.zeros(len(recording.time_s), np.int64),
+            robot_position_mm=way + np.array([1000.0, 0.0, 500.0]),
+            robot_quaternion_wxyz=turns.as_quat()[:, [3, 0, 1, 2]],
+            robot_time_s=along,
+            robot_pass=np.zeros(count, np.int64),
         )
+        return fuse(moved).sparse_poses_u
 
     place, turn = sparse(line, 0.03, 0.02)
     assert place == pytest.approx(0.03, rel=0.2)
@@ -141,11 +144,4 @@ def test_poses_far_apart_say_how_uncertain_the_frames_between_them_are(recording
     ring = (
         Rotation.from_rotvec(np.outer(along / radius, [0.0, 0.0, -1.0])) * still
     )  # the flange goes round with the arc
-    turned = dataclasses.replace(
-        recording,
-        robot_position_mm=arc,
-        robot_quaternion_wxyz=ring.as_quat()[:, [3, 0, 1, 2]],
-        robot_time_s=along,
-        robot_pass=np.zeros(count, np.int64),
-    )
-    assert sparse_poses_u(turned)[1] < 1e-9
+    assert sparse_u(arc, ring)[1] < 1e-9

@@ -17,7 +17,6 @@ from workbench.synthetic import (
     truth_path,
     write_simulation,
 )
-from workbench.synthetic.scan import BLOCK_FRAMES
 
 DOCUMENT = {
     "seed": 11,
@@ -56,11 +55,12 @@ def test_file_has_the_contracts_form(tmp_path):
             assert pose_time[0] <= time[0] < time[-1] <= pose_time[-1]
 
 
-def test_file_and_memory_hold_the_same(tmp_path):
-    """More frames than a block, so that blocks join without a seam."""
+def test_file_and_memory_hold_the_same(tmp_path, monkeypatch):
+    """Blocks of frames join without a seam."""
     recipe = changed()
+    monkeypatch.setattr("workbench.synthetic.scan.BLOCK_FRAMES", 50)
     recording, truth = simulate_recording(recipe)
-    assert len(recording.time_s) > BLOCK_FRAMES
+    assert len(recording.time_s) > 50
     written = write_simulation(recipe, tmp_path / "part.h5")
     with h5py.File(tmp_path / "part.h5") as file:
         for name, value in (

@@ -17,7 +17,7 @@ from workbench.artefacts import Recording
 from workbench.checks import judge_recording, refuse_failed
 from workbench.cli import main
 from workbench.errors import InputError
-from workbench.importing.joints import JointModel
+from workbench.robot import forward_kinematics, read_cell
 from workbench.scan import read
 
 NAMES = {  # convention -> names of the columns as its controller's users write them
@@ -208,12 +208,12 @@ def test_joints_are_drafted_without_their_robot(
     arguments = [str(tmp_path / "scan.npz"), str(source), "--out", str(tmp_path / "a.h5"), "--mapping"]
     assert main(["import", *arguments, str(tmp_path / "map.json")]) == 2
     assert "expected urdf, base_frame and flange_frame" in capsys.readouterr().err
-    urdf = Path(__file__).parents[2] / "data" / "robot" / "irb6700_150_320.urdf"
-    part |= {"urdf": str(urdf), "base_frame": "base_link", "flange_frame": "tool0"}
+    robot = Path(__file__).parents[2] / "data" / "robot"
+    part |= {"urdf": str(robot / "irb6700_150_320.urdf"), "base_frame": "base_link", "flange_frame": "tool0"}
     tree["accept"] = ["length_unit", "direction", "time_unit"]
     (tmp_path / "map.json").write_text(json.dumps(tree))
     assert main(["import", *arguments, str(tmp_path / "map.json")]) == 0
-    expected = JointModel.read(urdf, "base_link", "tool0").base_from_flange(JOINTS_RAD)
+    expected = forward_kinematics(read_cell(robot / "cell.json").chain, JOINTS_RAD)
     np.testing.assert_allclose(read(tmp_path / "a.h5").robot_position_mm, expected[:, :3, 3], atol=1e-3)
 
 

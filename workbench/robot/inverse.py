@@ -30,6 +30,7 @@ from workbench.robot.wrist import (
     general_position,
     newton,
     offset_wrist,
+    on_circle,
     parallel_position,
     rotation_about,
     spherical_wrist,
@@ -43,7 +44,6 @@ SINGULAR = 1e-13  # sine below which an angle is free and set to 0
 MOST = 16  # solutions of any six revolute joints (Primrose 1986)
 DEGREE, SAMPLES = 8, 32  # of the polynomial in joint 6, and places around the circle where it is computed
 BEGIN = 0.0123  # rad, of these places: no special angle
-ROUNDING = 1e-14  # parts of the largest coefficient
 REAL, NEAR = 0.02, 0.05  # off the unit circle; of axis 4 off its angle, and out of reach: tried all the same
 STEPS = 16  # of Newton's; where two solutions are near each other each halves what is missing
 SAME = 1e-6  # rad: nearer than this, two solutions are one
@@ -201,14 +201,9 @@ def _joint_6(chain: Chain, wrist: OffsetWrist, moved: Float) -> tuple[Int, Float
         one = one * other  # else each solution comes twice, the shoulder turned over: the product is a square
     wave = np.fft.fft(one.real.reshape(count, SAMPLES), axis=1)
     rising = np.concatenate([wave[:, -DEGREE:], wave[:, : DEGREE + 1]], axis=1)
-    rising /= np.abs(rising).max(axis=1, keepdims=True)
-    leading = np.where(np.abs(rising[:, -1]) < ROUNDING, ROUNDING, rising[:, -1])  # of a lower degree: roots far off
-    companion = np.zeros((count, 2 * DEGREE, 2 * DEGREE), complex)
-    companion[:, np.arange(1, 2 * DEGREE), np.arange(2 * DEGREE - 1)] = 1.0
-    companion[:, :, -1] = -rising[:, :-1] / leading[:, None]
-    root = np.linalg.eigvals(companion)
-    real = np.abs(np.abs(root) - 1.0) < REAL
-    return np.nonzero(real)[0], np.angle(root[real]) + BEGIN
+    root = on_circle(rising, REAL)
+    real = np.isfinite(root)
+    return np.nonzero(real)[0], root[real] + BEGIN
 
 
 def _resultants(chain: Chain, wrist: OffsetWrist, direction: Float, at: Float) -> tuple[AnyArray, AnyArray]:

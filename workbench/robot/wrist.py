@@ -35,7 +35,8 @@ from workbench.units import AnyArray, Bool, Float, Shaped
 PARALLEL = 1e-9  # sine of an angle that still counts as zero
 MEETING_MM = 1e-4  # distance at which lines still count as meeting
 FLAT = 1e-7  # smallest singular value of a matrix that counts as singular
-DOUBLE = 1e-6  # imaginary part of a root that rounding may make of a real double one
+DOUBLE = 1e-6  # off the unit circle, that rounding may make of a real double root
+ROUNDING = 1e-14  # parts of the largest coefficient
 ALMOST = 1e-12
 REACHED = 1e-12  # what may be missing of a position, in units of the arm's size
 STEPS = 3  # of Newton's: each squares what is missing
@@ -204,16 +205,10 @@ def _by_elimination(a: Float, radius_a: Float, b: Float, radius_b: Float, k: Flo
     inverse = np.linalg.inv(a)
     g, shift = radius_b[:, None, None] * (inverse @ b), k @ inverse.T
     x, y = g[..., 0], g[..., 1]
-    wave = np.column_stack(
-        [
-            ((x**2).sum(axis=1) + (y**2).sum(axis=1)) / 2 + (shift**2).sum(axis=1) - radius_a**2,
-            2 * (shift * x).sum(axis=1),
-            2 * (shift * y).sum(axis=1),
-            ((x**2).sum(axis=1) - (y**2).sum(axis=1)) / 2,
-            (x * y).sum(axis=1),
-        ]
-    )
-    beta = _zeros(wave)
+    level = ((g**2).sum(axis=(1, 2))) / 2 + (shift**2).sum(axis=1) - radius_a**2
+    first = (shift * x).sum(axis=1) - 1j * (shift * y).sum(axis=1)  # of exp(i beta), and of its square
+    second = ((x**2).sum(axis=1) - (y**2).sum(axis=1)) / 4 - 0.5j * (x * y).sum(axis=1)
+    beta = on_circle(np.column_stack([second.conj(), first.conj(), level, first, second]), DOUBLE)
     end = _cosine_sine(beta) @ np.swapaxes(g, 1, 2) + shift[:, None]
     return np.arctan2(end[..., 1], end[..., 0]), beta
 
@@ -233,26 +228,19 @@ def _on_line(normal: Float, value: Float) -> Float:
     return np.where(reaches[..., None], found, np.nan)
 
 
-def _zeros(wave: Float) -> Float:
-    """Zeros (n, 4) of w0 + w1 cos t + w2 sin t + w3 cos 2t + w4 sin 2t, w (n, 5); NaN: fewer.
+def on_circle(rising: AnyArray, off: float) -> Float:
+    """Zeros (n, m) of sum c_k exp(i k t), k = 0 to m, c (n, m + 1); NaN: those that are `off` real or more.
 
-    In tan of half the angle from where the function is largest, so that the polynomial's degree is truly 4.
+    Eigenvalues of companion matrices.
     """
-    around = np.linspace(0, 2 * np.pi, 8, endpoint=False)
-    values = wave @ np.stack([np.ones(8), np.cos(around), np.sin(around), np.cos(2 * around), np.sin(2 * around)])
-    far = around[np.argmax(np.abs(values), axis=1)] + np.pi  # goes to infinity in the tangent
-    c, s = np.cos(far), np.sin(far)
-    w0, w1, w2 = wave[:, 0], c * wave[:, 1] + s * wave[:, 2], c * wave[:, 2] - s * wave[:, 1]
-    c, s = np.cos(2 * far), np.sin(2 * far)
-    w3, w4 = c * wave[:, 3] + s * wave[:, 4], c * wave[:, 4] - s * wave[:, 3]
-    leading = w0 - w1 + w3
-    companion = np.zeros((len(wave), 4, 4))
-    companion[:, [1, 2, 3], [0, 1, 2]] = 1.0
-    lower = np.stack([w0 + w1 + w3, 2 * w2 + 4 * w4, 2 * w0 - 6 * w3, 2 * w2 - 4 * w4], axis=-1)
-    companion[:, :, 3] = -lower / np.where(leading == 0.0, 1.0, leading)[:, None]
+    count, degree = len(rising), rising.shape[1] - 1
+    rising = rising / np.maximum(np.abs(rising).max(axis=1, keepdims=True), np.finfo(float).tiny)
+    leading = np.where(np.abs(rising[:, -1]) < ROUNDING, ROUNDING, rising[:, -1])  # of a lower degree: roots far off
+    companion = np.zeros((count, degree, degree), complex)
+    companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
+    companion[:, :, -1] = -rising[:, :-1] / leading[:, None]
     root = np.linalg.eigvals(companion)
-    real = np.abs(root.imag) <= DOUBLE * (1 + np.abs(root) ** 2)
-    return np.where(real, 2 * np.arctan(root.real) + far[:, None], np.nan)
+    return np.where(np.abs(np.abs(root) - 1.0) < off, np.angle(root), np.nan)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

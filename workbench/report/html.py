@@ -29,7 +29,7 @@ WITHIN = ("data:image/", "#")  # pictures that the page holds, places in it
 CALLS = ("url", "image", "\\", "@")  # in a style: what could fetch something, or hide that it does
 BLOCK_POINTS = 8192
 HALF_STEPS = 32_767  # of int16
-SAMPLE = 50  # points whose nearest neighbour is looked for
+SAMPLE, BESIDE = 50, 2048  # points whose nearest neighbour is looked for; among so many on either side, in order
 
 
 class _Outside(HTMLParser):
@@ -123,12 +123,13 @@ def packed(scene: Scene, most: int) -> str:
     origin = np.round(everything_mm(scene).mean(axis=0), 3)
     local = scene.points_mm[:most] - origin
     order = np.argsort(local @ scene.axes[0], kind="stable")
+    local = local[order]
     content = {
         "origin": origin.tolist(),
         "axes": scene.axes.tolist(),
         "axes_names": scene.axes_names,
         "marks_are": scene.marks_are,
-        **_points(local[order]),
+        **_points(local),
         "pitch_mm": round(pitch_mm(local), 4),
         "shadings": [_shading(each, order) for each in scene.shadings],
         "strokes": [_strokes(each, origin) for each in scene.strokes if each.lines_mm],
@@ -140,13 +141,17 @@ def packed(scene: Scene, most: int) -> str:
 
 
 def pitch_mm(points_mm: Float) -> float:
-    """How far a point is from its nearest neighbour, where they are sparse: nine in ten are nearer."""
+    """How far a point is from its nearest neighbour, where they are sparse: nine in ten are nearer.
+
+    points_mm: (n, 3), rising along one axis, so that neighbours are near in order too.
+    """
     if len(points_mm) < 2:
         return 1.0
-    few = points_mm[:: max(1, len(points_mm) // SAMPLE)]
-    square = (few**2).sum(axis=1)[:, None] + (points_mm**2).sum(axis=1) - 2.0 * few @ points_mm.T
-    nearest = np.partition(square, 1, axis=1)[:, 1]  # the very nearest is itself
-    return math.sqrt(max(0.0, float(np.percentile(nearest, 90.0))))
+    nearest = []
+    for k in range(0, len(points_mm), max(1, len(points_mm) // SAMPLE)):
+        beside = points_mm[max(0, k - BESIDE) : k + BESIDE]
+        nearest.append(np.partition(((beside - points_mm[k]) ** 2).sum(axis=1), 1)[1])  # the very nearest is itself
+    return math.sqrt(float(np.percentile(nearest, 90.0)))
 
 
 def _points(local_mm: Float) -> dict[str, Any]:

@@ -275,7 +275,7 @@ def decision_rule(guard_factor: float) -> str:
     return (
         f"ISO 14253-1, guard band g = {guard_factor:g} u: a value passes inside its limits by at least g, fails "
         f"outside by at least g, is undecided in between; a wrong statement has a risk of at most "
-        f"{risk:.2g} % a value. A part fails if any section fails and passes if all pass."
+        f"{risk:.2g} % per value. A part fails if any section fails and passes if all pass."
     )
 
 

@@ -20,6 +20,7 @@ LEAST_POINTS = 4  # of a face in a frame
 PARALLEL = math.sin(2.0 * DEG)  # faces that turn by less have no corner
 CORNER_MM, CLOSE_MM = 0.25, 0.12  # returns about it: what a check judges, and where a small ledge shows most
 LEAST_SCATTER_MM = 1e-4
+LEDGES, MOST_MM = 0.02, 0.01  # share of edges with one too small to be refused; most by which it stands out then
 ROUNDS, STRAY = 3, 4.0  # of each line's fit; times the median distance from it, beyond which a point is none of its
 ODD = 5.0  # robust standard deviations of frames that are left out of the mean
 
@@ -31,12 +32,29 @@ class StandsOut(NamedTuple):
     close_mm: float  # within CLOSE_MM; mean of the frames
     close_u_mm: float  # of this mean
 
+    def by_ledge_mm(self, bowed_mm: float) -> float:
+        """By how much a ledge makes the close returns stand out: mean of the posterior.
+
+        bowed_mm: at most, either way, by the bows of both faces. Prior: a share of LEDGES has one, and it stands out by
+        anything up to MOST_MM.
+
+        Example:
+            >>> [round(1e3 * StandsOut(0.0, 1e-3 * of, 3e-4).by_ledge_mm(1e-4), 3) for of in (-0.5, 0.5, 1.0, 2.0)]
+            [0.0, 0.003, 0.172, 2.0]
+        """
+        u = math.hypot(self.close_u_mm, bowed_mm / math.sqrt(3.0), LEAST_SCATTER_MM)
+        z = self.close_mm / u
+        normal = math.exp(-0.5 * z * z) / (math.sqrt(2.0 * math.pi) * u)
+        above = 0.5 * math.erfc(-z / math.sqrt(2.0))
+        with_one = LEDGES / MOST_MM
+        return with_one * (self.close_mm * above + u * u * normal) / (with_one * above + (1.0 - LEDGES) * normal)
+
 
 NOTHING = StandsOut(0.0, 0.0, 0.0)
 
 
 def ledge_takes_mm(close_mm: float, bevel: Float) -> Float:
-    """What a ledge above the root face takes off it, by what it stands out of the corner within CLOSE_MM on average.
+    """What a ledge above the root face takes off it, by how far it stands out within CLOSE_MM (`by_ledge_mm`).
 
     docs/method.md, (11a); bevel: angles (m,), rad. Where the faces meet at a right angle or more it takes nothing.
 

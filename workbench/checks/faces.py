@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
-from workbench.checks.corners import StandsOut, frames_with, stands_out, thinning
+from workbench.checks.corners import frames_with, stands_out, thinning
 from workbench.checks.judge import refuse_failed
 from workbench.checks.levels import beside_check
 from workbench.checks.limits import Bound, check, least, most
@@ -154,7 +154,8 @@ def judge_faces(
     seen = [one for i in rows if (one := _corner_of(cloud, labels[i], int(i))) is not None]
     turns = dict.fromkeys(NAMES, _turn_of(seen))
     corner = stands_out(cloud, labels, *NAMES)
-    out, close = beyond_bows(corner, shape.values())
+    bowed = bowed_mm(shape.values())
+    out = corner.corner_mm - bowed
     ledge = f"the corner of root face and bevel face stands out of them by {out:.2g} mm: a ledge, a burr there, "
     ledge += "a nose (inspect_preparation.json)?"
     return (
@@ -162,7 +163,7 @@ def judge_faces(
         *straight_checks(shape, turns, "a dome, a bar, a cable or a rounded groove", given),
         *_beyond_checks(seen, lies_on, given),
         check("corner_stands_out_mm", out, ledge, given=given),
-        _ledge_check(close),
+        _ledge_check(corner.by_ledge_mm(bowed)),
     )
 
 
@@ -193,10 +194,9 @@ def _ledge_check(close_mm: float) -> Check:
     return Check("close_stands_out_mm", close_mm, None, True, "a ledge of that is in the uncertainty", told)
 
 
-def beyond_bows(corner: StandsOut, faces: Iterable[Straightness]) -> tuple[float, float]:
-    """By how much a corner stands out of its faces, and close to it for certain, beyond what their bows explain, mm."""
-    bowed = AT_END * max(abs(one.bow_mm) for one in faces)
-    return corner.corner_mm - bowed, max(corner.close_mm - corner.close_u_mm - bowed, 0.0)
+def bowed_mm(faces: Iterable[Straightness]) -> float:
+    """How far faces stand off their lines at their ends by their bows, mm: the most of them."""
+    return AT_END * max(abs(one.bow_mm) for one in faces)
 
 
 def corners_checks(
@@ -205,8 +205,8 @@ def corners_checks(
     """The checks that no corner of two faces, by pairs of their labels (N, M), stands out of both."""
     out = close = 0.0
     for pair in pairs:
-        here = beyond_bows(stands_out(cloud, labels, *pair), [straightness(cloud, labels, label) for label in pair])
-        out, close = max(out, here[0]), max(close, here[1])
+        corner, bowed = stands_out(cloud, labels, *pair), bowed_mm(straightness(cloud, labels, one) for one in pair)
+        out, close = max(out, corner.corner_mm - bowed), max(close, corner.by_ledge_mm(bowed))
     told = f"a corner of two faces stands out of them by {out:.2g} mm: a ledge, a further face, a burr there?"
     return check("corner_stands_out_mm", out, told, given=limits), _ledge_check(close)
 

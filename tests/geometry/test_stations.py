@@ -11,7 +11,6 @@ from workbench.geometry.stations import (
     Scan,
     SectionTable,
     frame_stations,
-    nearest_stations,
     needed_heights,
     section_table,
     standing_layers,
@@ -74,14 +73,6 @@ def test_the_cutter_is_lifted_over_what_any_point_asks_for(seed: int) -> None:
     needed = np.where(meets, rise, -np.inf).max(axis=1)
     assert (needed > 0.0).any()
     np.testing.assert_allclose(np.maximum(found, 0.0), np.maximum(needed, 0.0), atol=1e-9)
-
-
-def test_stations_and_sections_of_points() -> None:
-    points = np.array([[2.0, 7.3, 5.0], [-1.0, -3.0, 0.5], [0.0, 44.0, 1.0]])
-    station, arc, section = nearest_stations(points, np.array([30, 5, 0]), table())
-    assert station.tolist() == [7, 0, 40]
-    np.testing.assert_allclose(arc, [7.3, -3.0, 44.0])
-    np.testing.assert_allclose(section, points[:, [0, 2]])
 
 
 def test_layers_take_what_lies_above_their_face() -> None:

@@ -334,21 +334,6 @@ def _needed(
     return height
 
 
-def nearest_stations(points_mm: Float, start: Int, sections: SectionTable) -> tuple[Int, Float, Float]:
-    """Station (p,), arc length (p,) and section coordinates (p, 2) of points (p, 3) mm; `start` (p,) is a guess."""
-    station, arc, section = np.empty(len(points_mm), np.int64), np.empty(len(points_mm)), np.empty((len(points_mm), 2))
-    _stations(as_input(points_mm), as_input(start), sections.axes, sections.step, station, arc, section)
-    return station, arc, section
-
-
-@kernel
-def _stations(points: Float, start: Int, axes: Float, step: float, station: Int, arc: Float, section: Float) -> None:
-    for i in range(points.shape[0]):
-        k, along, h, v = _section_of((points[i, 0], points[i, 1], points[i, 2]), start[i], axes, step)
-        station[i], arc[i] = k, k * step + along
-        section[i, 0], section[i, 1] = h, v
-
-
 def frame_stations(arc_length_mm: Float, pass_index: AnyArray, step: float, count: int) -> Int:
     """Station (N,) near each frame: where it crosses the edge, or between its neighbours where it does not see it."""
     start = np.zeros(len(arc_length_mm))

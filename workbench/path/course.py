@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from workbench.artefacts import Edge, Layer, PathDeflection, RawEdge, Toolpath, Travel
 from workbench.errors import InputError
@@ -184,19 +185,34 @@ def edge_course(edge: RawEdge, s: Float, smoothing_mm: float) -> Course:
 
 
 def stocked_course(edge: Edge, s: Float, toolpath: Toolpath) -> Course:
-    """The course at s (k,) with the stock: a raw edge's own, or, of a milled edge, what stood there before the cut.
-
-    The upper surface lies where the plan's finished bevel met it, square to the root face.
-    """
+    """The course at s (k,) with the stock: a raw edge's own, or, of a milled edge, what stood there before the cut."""
     if isinstance(edge, RawEdge):
         return edge_course(edge, s, 0.0)
-    final, course = toolpath.layers[-1], lower_course(edge, toolpath.layers[-1].arc_length_mm)
-    poses = poses_of(toolpath, final)
-    top = toolpath.in_base(toolpath.face_middle_mm(final)) - 0.5 * final.width_mm[:, None] * poses.z
-    height, cut = ((top - course.position_mm) * course.across).sum(axis=1), final.cutting
-    if not cut.any():
-        return with_thickness(lower_course(edge, s), np.zeros(1), np.full(1, toolpath.root_mm))
-    return with_thickness(lower_course(edge, s), final.arc_length_mm[cut], height[cut])
+    return with_thickness(lower_course(edge, s), *thickness_before(edge, toolpath))
+
+
+def thickness_before(edge: Edge, toolpath: Toolpath) -> tuple[Float, Float]:
+    """Arc lengths (g,) of a milled edge and the stock's thickness there before: where the plan's bevel met its top.
+
+    Of a path that cuts nothing the root face: no stock is known.
+    """
+    final = toolpath.layers[-1]
+    if not final.cutting.any():
+        return np.zeros(1), np.full(1, toolpath.root_mm)
+    up = -poses_of(toolpath, final).z
+    top = toolpath.in_base(toolpath.face_middle_mm(final)) + 0.5 * final.width_mm[:, None] * up
+    arc, height = along_edge(edge, top[final.cutting])
+    order = np.argsort(arc)
+    return arc[order], height[order]
+
+
+def along_edge(edge: Edge, points_mm: Float) -> tuple[Float, Float]:
+    """Arc length (p,) and height (p,) over the lower edge, in its nearest station's section, of points (p, 3) mm."""
+    course = lower_course(edge, edge.arc_length_mm)
+    at = scipy.spatial.cKDTree(course.position_mm).query(points_mm)[1]
+    off = points_mm - course.position_mm[at]
+    arc, height = ((off * axis[at]).sum(axis=1) for axis in (course.tangent, course.across))
+    return course.arc_length_mm[at] + arc, height
 
 
 def with_thickness(course: Course, arc_length_mm: Float, thickness_mm: Float) -> Course:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
@@ -446,3 +446,11 @@ def matrix_of(pose: Pose) -> Float | None:
         return pose_from(rotation_from_quaternion(q / np.linalg.norm(q)), np.array(pose.position_mm))
     matrix = np.array(pose, float)
     return matrix if is_rigid(matrix) else None
+
+
+def stated(part: CellPart, place: str) -> Any:
+    """What the file states at a place, `tool.mass_kg`; None: nothing, or nothing above it."""
+    value: Any = part
+    for key in place.split("."):
+        value = getattr(value, key, None)
+    return value

@@ -22,6 +22,7 @@ from workbench.robot.cell_file import (
     ToolPart,
     TurntablePart,
     matrix_of,
+    stated,
 )
 from workbench.robot.drawing import shape_triangles
 from workbench.units import Float
@@ -92,8 +93,8 @@ def _numbers(part: CellPart) -> Iterator[tuple[str, str]]:
     if wide < LEAST_ROOM_MM:
         yield "envelope", f"expected a box in which a robot can move, found one {wide:.3g} mm wide: {METRES}"
     for place, (least, unit, guess) in LEAST.items():
-        value = _at(part, place)
-        if value is not None and 0 < value < least:
+        value = np.min(stated(part, place) or 0.0)  # of several the least
+        if 0 < value < least:
             none = "0 or " if place in MAY_BE_NONE else ""
             yield place, f"expected {none}at least {least:g} {unit}, found {value:g}: {guess}"
     if (stiffest := max(part.robot.joint_stiffness_nm_per_rad or (0.0,))) > STIFFEST:
@@ -105,14 +106,6 @@ def _numbers(part: CellPart) -> Iterator[tuple[str, str]]:
     home = (0.0,) if part.process is None else part.process.home.joints_deg
     if 0 < max(map(abs, home)) < FOLDED_DEG:
         yield "process.home.joints_deg", f"expected degrees, found {_listed(home)}: are they radians?"
-
-
-def _at(part: CellPart, place: str) -> float | None:
-    """A number of the file, the least of several; None: it states none there."""
-    value: Any = part
-    for key in place.split("."):
-        value = getattr(value, key, None)
-    return None if value is None else float(np.min(value))
 
 
 def _axes(table: TurntablePart) -> Iterator[tuple[str, AxisPart, Pose]]:

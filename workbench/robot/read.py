@@ -37,6 +37,7 @@ from workbench.robot.cell_file import (
     WorkObjectPart,
     WorkpiecePart,
     matrix_of,
+    stated,
 )
 from workbench.robot.collision import CollisionModel, left_out
 from workbench.robot.judge import JudgedCell
@@ -52,6 +53,23 @@ from workbench.units import DEG, Float
 
 NO_WORKPIECE = "collision with the workpiece: the cell file gives none, and no scan was handed over (robot.plate)"
 HARMLESS = ("Adjacent", "Never")  # an SRDF's reasons by which nothing is left out that could happen
+LEFT_OPEN = {  # by what the file does not state, or states as 0: what nothing can look at then
+    "work_object": "the work object: the cell file states none ($.work_object); targets are in the robot's base",
+    "workpiece.mesh": NO_WORKPIECE,
+    "robot.repeatability_mm": "the robot's repeatability against the root face: the cell file states none "
+    "($.robot.repeatability_mm)",
+    "tool.spindle": "the cutter's torque and power against the spindle's: the cell file states none ($.tool.spindle)",
+    "envelope": "the robot's envelope: the cell file states none ($.envelope)",
+    "margin_mm": "a clearance between bodies: the cell file asks for none ($.margin_mm is 0)",
+    "uncertainty": "robustness against the uncertainty of tool, base and turntable: none is stated ($.uncertainty)",
+    "process": f"{NO_PROCESS} ($.process)",
+    "robot.acceleration_deg_s2": "accelerations of the joints: the cell file states none ($.robot.acceleration_deg_s2)",
+    "turntable.acceleration_deg_s2": "acceleration of the turntable: the cell file states none "
+    "($.turntable.acceleration_deg_s2)",
+    "turntable.tilt.acceleration_deg_s2": "acceleration of the tilt: the cell file states none "
+    "($.turntable.tilt.acceleration_deg_s2)",
+    "track.acceleration_mm_s2": "acceleration of the track: the cell file states none ($.track.acceleration_mm_s2)",
+}
 WALL_MM = 2000.0  # thickness of the envelope's walls: what is beyond is within them
 
 
@@ -206,47 +224,12 @@ def _on_controller(part: CellPart, cutter: Float, path: Path) -> tuple[dict[str,
 def _not_said(part: CellPart, shapes: tuple[Shape, ...]) -> Iterator[str]:
     """What the cell file leaves open: a program says so, since nothing could look at it."""
     yield from _bodies_not_said(part, shapes)
-    no_load = part.tool.controller_name is None and None in (part.tool.mass_kg, part.tool.centre_of_gravity_mm)
-    left_open = (
-        (no_load, "the load of the tool: neither its name on the controller nor mass and centre of gravity ($.tool)"),
-        (
-            part.work_object is None,
-            "the work object: the cell file states none ($.work_object); targets are in the robot's base",
-        ),
-        (part.workpiece.mesh is None, NO_WORKPIECE),
-        (
-            part.robot.repeatability_mm is None,
-            "the robot's repeatability against the root face: the cell file states none ($.robot.repeatability_mm)",
-        ),
-        (
-            part.tool.spindle is None,
-            "the cutter's torque and power against the spindle's: the cell file states none ($.tool.spindle)",
-        ),
-        (part.envelope is None, "the robot's envelope: the cell file states none ($.envelope)"),
-        (part.margin_mm == 0, "a clearance between bodies: the cell file asks for none ($.margin_mm is 0)"),
-        (
-            part.uncertainty is None,
-            "robustness against the uncertainty of tool, base and turntable: none is stated ($.uncertainty)",
-        ),
-        (part.process is None, f"{NO_PROCESS} ($.process)"),
-        (
-            part.robot.acceleration_deg_s2 is None,
-            "accelerations of the joints: the cell file states none ($.robot.acceleration_deg_s2)",
-        ),
-        (
-            part.turntable is not None and part.turntable.acceleration_deg_s2 is None,
-            "acceleration of the turntable: the cell file states none ($.turntable.acceleration_deg_s2)",
-        ),
-        (
-            bool(part.turntable and part.turntable.tilt and part.turntable.tilt.acceleration_deg_s2 is None),
-            "acceleration of the tilt: the cell file states none ($.turntable.tilt.acceleration_deg_s2)",
-        ),
-        (
-            part.track is not None and part.track.acceleration_mm_s2 is None,
-            "acceleration of the track: the cell file states none ($.track.acceleration_mm_s2)",
-        ),
-    )
-    yield from (sentence for is_open, sentence in left_open if is_open)
+    if part.tool.controller_name is None and None in (part.tool.mass_kg, part.tool.centre_of_gravity_mm):
+        yield "the load of the tool: neither its name on the controller nor mass and centre of gravity ($.tool)"
+    for place, sentence in LEFT_OPEN.items():
+        above = place.rpartition(".")[0]
+        if stated(part, place) in (None, 0) and (not above or stated(part, above) is not None):
+            yield sentence
 
 
 def _bodies_not_said(part: CellPart, shapes: tuple[Shape, ...]) -> Iterator[str]:

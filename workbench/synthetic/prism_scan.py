@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,11 +13,12 @@ from workbench.geometry.poses import inverse
 from workbench.recording_file import Frames
 from workbench.synthetic.groove_truth import GrooveSizes, GrooveTruth
 from workbench.synthetic.raycast import Sensor
-from workbench.synthetic.recipe import SQUARE, Course, PrismGroove, PrismRecipe
+from workbench.synthetic.recipe import SQUARE, Course, Mound, PrismGroove, PrismRecipe
 from workbench.synthetic.scan import (
     column_offsets,
     coordinates,
     disturb,
+    entry,
     generator,
     intensities,
     plan_motion,
@@ -140,6 +142,7 @@ def _sizes(groove: PrismGroove, x: Float) -> GrooveSizes:
 
 _ROUNDS = 4  # of the iteration for x
 _SLACK = 1e-9  # of a line's length, so that no ray slips through a corner
+Hit = tuple[Float, Float, Float | int]  # t (k,), infinite: none; cosine (k,); what
 NOTHING, LEFT, RIGHT, LEFT_TOP, RIGHT_TOP, OTHER = range(6)  # what a ray meets: bevels and faces, surfaces, the rest
 
 
@@ -198,24 +201,28 @@ def enter(groove: PrismGroove, origin: Float, way: Float, after: float) -> tuple
         reach = np.where(np.isfinite(found), found, reach)
     at = origin[:, 0] + np.where(np.isfinite(found), found, 0.0) * way[:, 0]
     found[(at < 0) | (at > groove.length_mm)] = np.inf
-    cosine = cosine * np.linalg.norm(w, axis=1) / np.linalg.norm(way, axis=1)
+    length = np.linalg.norm(way, axis=1)
+    met: list[Hit] = [(found, cosine * np.linalg.norm(w, axis=1) / length, what)]
     if groove.background_mm is not None:
         with np.errstate(divide="ignore", invalid="ignore"):
             back = (-groove.background_mm - o[:, 1]) / w[:, 1]
-        nearer = (back > after) & (back < found)
-        found = np.where(nearer, back, found)
-        cosine = np.where(nearer, np.abs(w[:, 1]) / np.linalg.norm(way, axis=1), cosine)
-        what = np.where(nearer, OTHER, what)
-    for mound in groove.mounds:
-        found, cosine, what = _mound_hit(
-            mound.at_mm, mound.z_mm, np.array(mound.half_mm), origin, way, after, (found, cosine, what)
-        )
+        met.append((np.where(back > after, back, np.inf), np.abs(w[:, 1]) / length, OTHER))
+    met += [_mound_hit(mound, origin, way, after) for mound in groove.mounds]
+    found, cosine, what = _nearest(met)
     return found, cosine, np.where(np.isfinite(found), what, NOTHING)
+
+
+def _nearest(met: Sequence[Hit]) -> tuple[Float, Float, Float]:
+    """Of what rays meet the nearest: t, cosine, what (k,)."""
+    t, cosine, what = (np.stack([np.broadcast_to(one[i], one[0].shape) for one in met]) for i in range(3))
+    best = np.argmin(t, axis=0)[None]
+    found, cosine, what = (np.take_along_axis(values, best, axis=0)[0] for values in (t, cosine, what))
+    return found, cosine, what
 
 
 def _section_hit(groove: PrismGroove, x: Float, o: Float, w: Float, after: float) -> tuple[Float, Float, Float]:
     """First crossings of lines o + t w (k, 2) with the section at x (k,)."""
-    best, cosine, what = np.full(len(x), np.inf), np.zeros(len(x)), np.zeros(len(x))
+    met: list[Hit] = []
     for side, flank, surface in (("left", LEFT, LEFT_TOP), ("right", RIGHT, RIGHT_TOP)):
         plate, mirror = plate_at(groove, side, x), np.array([1.0, 1.0] if side == "left" else [-1.0, 1.0])
         raised = np.zeros((len(x), 2))
@@ -229,15 +236,10 @@ def _section_hit(groove: PrismGroove, x: Float, o: Float, w: Float, after: float
             (plate.bend, plate.upper, flank),
             (plate.upper, plate.far[:, 1], surface),
         ]
-        for first, last, name in lines:
-            t, c = _line_hit(start, go, first, last, after)
-            nearer = t < best
-            best, cosine, what = np.where(nearer, t, best), np.where(nearer, c, cosine), np.where(nearer, name, what)
+        met += [(*_line_hit(start, go, first, last, after), name) for first, last, name in lines]
         if np.isfinite(plate.centre).any():
-            t, c = _arc_hit(start, go, plate, groove.radius_mm, after)
-            nearer = t < best
-            best, cosine, what = np.where(nearer, t, best), np.where(nearer, c, cosine), np.where(nearer, flank, what)
-    return best, cosine, what
+            met.append((*_arc_hit(start, go, plate, groove.radius_mm, after), flank))
+    return _nearest(met)
 
 
 def _line_hit(o: Float, w: Float, first: Float, last: Float, after: float) -> tuple[Float, Float]:
@@ -257,36 +259,23 @@ def _arc_hit(o: Float, w: Float, plate: Plate, radius: float, after: float) -> t
     off = o - plate.centre
     a, half, c = (w * w).sum(axis=1), (off * w).sum(axis=1), (off * off).sum(axis=1) - radius**2
     root = np.sqrt(np.maximum(half**2 - a * c, 0.0))
-    best, cosine = np.full(len(o), np.inf), np.zeros(len(o))
+    met: list[Hit] = []
     for sign in (-1.0, 1.0):
         t = (-half + sign * root) / a
         at = off + t[:, None] * w
         turn = np.arctan2(-at[:, 0], -at[:, 1])
         hit = (half**2 > a * c) & (t > after) & (turn >= -_SLACK) & (turn <= math.pi / 2 - plate.bevel + _SLACK)
-        nearer = hit & (t < best)
-        best = np.where(nearer, t, best)
-        cosine = np.where(nearer, np.abs((at * w).sum(axis=1)) / (radius * np.sqrt(a)), cosine)
-    return best, cosine
+        met.append((np.where(hit, t, np.inf), np.abs((at * w).sum(axis=1)) / (radius * np.sqrt(a)), 0))
+    return _nearest(met)[:2]
 
 
-def _mound_hit(
-    at_mm: float,
-    z_mm: float,
-    half_mm: Float,
-    origin: Float,
-    way: Float,
-    after: float,
-    before: tuple[Float, Float, Float],
-) -> tuple[Float, Float, Float]:
-    found, cosine, what = before
-    off, w = (origin - (at_mm, 0.0, z_mm)) / half_mm, way / half_mm
-    a, half, c = (w * w).sum(axis=1), (off * w).sum(axis=1), (off * off).sum(axis=1) - 1.0
-    inside = half**2 > a * c
-    t = (-half - np.sqrt(np.maximum(half**2 - a * c, 0.0))) / a
-    nearer = inside & (t > after) & (t < found)
-    normal = (off + t[:, None] * w) / half_mm
+def _mound_hit(mound: Mound, origin: Float, way: Float, after: float) -> Hit:
+    half_mm = np.array(mound.half_mm)
+    off, w = (origin - (mound.at_mm, 0.0, mound.z_mm)) / half_mm, way / half_mm
+    t = entry((w * w).sum(axis=1), (off * w).sum(axis=1), (off * off).sum(axis=1) - 1.0, after)
+    normal = (off + np.where(np.isfinite(t), t, 0.0)[:, None] * w) / half_mm
     slope = np.abs((normal * way).sum(axis=1)) / (np.linalg.norm(normal, axis=1) * np.linalg.norm(way, axis=1))
-    return np.where(nearer, t, found), np.where(nearer, slope, cosine), np.where(nearer, OTHER, what)
+    return t, slope, OTHER
 
 
 def sees(groove: PrismGroove, point: Float, target: Float) -> Bool:

@@ -381,6 +381,13 @@ def rays(sensor: raycast.Sensor, offsets: Float) -> tuple[Float, Float, list[Flo
     return emitter + lateral, ahead + still, [*eyes, emitter] if sensor.fan else eyes
 
 
+def entry(a: Float, b: Float, c: Float, after: float) -> Float:
+    """Smallest root beyond `after` of a s^2 + 2 b s + c, where a ray enters a body; infinite for none."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        s = (-b - np.sqrt(b * b - a * c)) / a
+    return np.where(np.isfinite(s) & (s > after), s, np.inf)
+
+
 def recorded(
     motions: Sequence[Logged], grids: Frames, hand_eye: Float, part_id: str | None = None, **more: Any
 ) -> Recording:

@@ -18,7 +18,7 @@ from workbench.geometry.poses import (
 from workbench.recording_file import Frames
 from workbench.synthetic import raycast
 from workbench.synthetic.recipe import Scanner, SpherePass, SphereRecipe
-from workbench.synthetic.scan import Logged, column_offsets, coordinates, disturb, rays, recorded, sensor_of
+from workbench.synthetic.scan import Logged, column_offsets, coordinates, disturb, entry, rays, recorded, sensor_of
 from workbench.synthetic.workpiece import pose
 from workbench.units import DEG, Bool, Float, Int, Shaped
 
@@ -167,24 +167,18 @@ def _sees(here: Scene, point: Float, target: Float) -> Bool:
 def _solid(here: Scene, origin: Float, way: Float) -> tuple[Float, Float]:
     """Where rays (..., M, 3) first meet the sphere, and the stem: multiples of `way` (N, M), infinite for none."""
     off = origin - here.centre[:, None]
-    sphere = _first(np.sum(way * way, -1), np.sum(way * off, -1), np.sum(off * off, -1) - here.radius_mm**2)
+    sphere = entry(np.sum(way * way, -1), np.sum(way * off, -1), np.sum(off * off, -1) - here.radius_mm**2, _OFF)
     if here.stem_mm == 0:
         return sphere, np.full_like(sphere, np.inf)
     up = here.up[:, None]
     off_along, way_along = np.sum(off * up, -1), np.sum(way * up, -1)
     across, going = off - off_along[..., None] * up, way - way_along[..., None] * up
-    stem = _first(np.sum(going * going, -1), np.sum(going * across, -1), np.sum(across * across, -1) - here.stem_mm**2)
+    stem = entry(
+        np.sum(going * going, -1), np.sum(going * across, -1), np.sum(across * across, -1) - here.stem_mm**2, _OFF
+    )
     height = off_along + np.where(np.isfinite(stem), stem, 0.0) * way_along
     below = -here.table_mm if np.isfinite(here.table_mm) else -10 * here.radius_mm
     return sphere, np.where((height < 0) & (height > below), stem, np.inf)
-
-
-def _first(a: Float, b: Float, c: Float) -> Float:
-    """Smallest root beyond `_OFF` of a s^2 + 2 b s + c that enters the body from outside; infinite for none."""
-    root = b * b - a * c
-    with np.errstate(invalid="ignore", divide="ignore"):
-        s = (-b - np.sqrt(root)) / a
-    return np.where(np.isfinite(s) & (s > _OFF), s, np.inf)
 
 
 def _table(here: Scene, origin: Float, way: Float) -> Float:

@@ -26,7 +26,9 @@ def test_a_standing_cutter_leaves_its_own_surface(seed, ball):
     tool = Sweep(
         twice * position, twice * frame[:, 0], twice * frame[:, 2], RADIUS * np.ones(2), RADIUS, TIP, ball, *columns
     )
-    cut_lines(height, Lines(base, along, up, Y[0], 0.1, np.full(height.shape, -50.0)), tool, 0.1)
+    cut_lines(
+        height, Lines(base, along, up, Y[0], 0.1, np.full(height.shape, -50.0)), np.full(len(height), np.inf), tool, 0.1
+    )
     cut = np.isfinite(height)
     assert cut.sum() > 100
 

@@ -37,7 +37,6 @@ _ALONG = 0.1  # an axis that leans more than this out of the plane is not looked
 
 U_STEP_MM, W_STEP_MM = 0.2, 0.1
 _BESIDE_MM = 1.5  # lines lie so far beyond the face at its two edges
-_ABOVE_MM = 2.0  # what is this far above the highest place that the stock can have is clear of it
 _NEAR_MM = 0.05  # a ray starts this far above the highest place that its line can have
 
 
@@ -151,10 +150,13 @@ def _highest(heights: Float) -> float:
 
 
 @kernel
-def cut_lines(height: Float, lines: Lines, sweep: Sweep, step: float) -> None:
-    """Lower `height` (U, W) to what the sweep leaves, in place; the cutter is set down every `step` mm or closer."""
+def cut_lines(height: Float, lines: Lines, top: Float, sweep: Sweep, step: float) -> None:
+    """Lower `height` (U, W) to what the sweep leaves, in place; the cutter is set down every `step` mm or closer.
+
+    Above `top` (U,) there is nothing to cut.
+    """
     c, a, x, rows = np.empty(3), np.empty(3), np.empty(3), height.shape[1]
-    highest = np.array([_highest(column) for column in height])
+    highest = np.minimum(np.array([_highest(column) for column in height]), top)
     for i in range(len(sweep.first)):
         if sweep.last[i] <= sweep.first[i]:
             continue
@@ -180,7 +182,7 @@ def cut_lines(height: Float, lines: Lines, sweep: Sweep, step: float) -> None:
             for column in range(sweep.first[i], sweep.last[i]):
                 if not _passes_above(lines, rows, column, c, a, radius, highest[column]):
                     _cut_column(height, lines, column, c, a, radius, sweep.tip, sweep.ball)
-                    highest[column] = _highest(height[column])
+                    highest[column] = min(_highest(height[column]), top[column])
 
 
 def new_cut(surface: raycast.Surface, root_mm: float, bevel: float) -> Cut:
@@ -204,13 +206,6 @@ def lines_of(surface: raycast.Surface, cut: Cut) -> Lines:
     # Where a normal does not rise, its line leaves the part elsewhere; the first lines pass beside the part.
     floor = np.where((rises > 0.0) & (cut.w_mm > -cut.root_mm * cosine), down, -np.inf)
     return Lines(base, across, normal, cut.w_first_mm, cut.w_step_mm, floor)
-
-
-def ceiling_mm(surface: raycast.Surface, cut: Cut) -> float:
-    """A height over the bevel plane that no material reaches."""
-    steepest = float(np.min(np.cos(surface.tilt + surface.twist * _ends(surface))))
-    corner = math.sin(cut.bevel) * (surface.top / steepest - cut.root_mm)
-    return max(corner, 0.0) + surface.reserve + _ABOVE_MM
 
 
 def _ends(surface: raycast.Surface) -> Float:
@@ -382,7 +377,7 @@ class Stock:
             first,
             last,
         )
-        cut_lines(self.height_mm, self.lines, sweep, STEP_MM)
+        cut_lines(self.height_mm, self.lines, self._cut.stock_mm.max(axis=1), sweep, STEP_MM)
 
     def hits(self, motion: Motion) -> list[Hit]:
         """Clamps and table that the cutter runs into, each with the deepest place."""
@@ -396,37 +391,22 @@ class Stock:
         return [Hit(what, float(deep.max()), float(u[np.argmax(deep)])) for what, deep in overlaps if deep.max() > 0.0]
 
     def _columns(self, poses: Float, motion: Motion) -> tuple[Int, Int]:
-        """Columns [first, last) that each piece between two poses can reach; none where the cutter is clear of all."""
+        """Columns [first, last) that each piece between two poses can reach: about where its axis is near the edge."""
         cut, axis, radius = self._cut, poses[:, :3, 2], float(np.max(motion.radius_mm))
         centre = poses[:, :3, 3] - motion.axis_offset_mm * poses[:, :3, 0]
-        ceiling = ceiling_mm(self.surface, cut)
-        extent = math.hypot(max(abs(cut.w_mm[0]), abs(cut.w_mm[-1])), ceiling) + abs(cut.root_mm)
-        foot, away = self._foot(centre, axis, motion.tip_mm)
-        low, high = self._section(foot - extent * axis), self._section(foot + extent * axis)
-        clear = (np.minimum(low[:, 1], high[:, 1]) - radius > ceiling) | (away > extent + radius + 1.0)
-        aside = CONVERGING * radius + 1.0
-        first = (np.minimum(low[:, 0], high[:, 0]) - aside) / cut.u_step_mm
-        last = (np.maximum(low[:, 0], high[:, 0]) + aside) / cut.u_step_mm
-        columns = np.clip([np.minimum(first[:-1], first[1:]), np.maximum(last[:-1], last[1:]) + 1], 0, len(cut.u))
-        columns[1, clear[:-1] & clear[1:]] = 0
-        return columns.astype(np.int64)[0], columns.astype(np.int64)[1]
-
-    def _foot(self, centre: Float, axis: Float, tip: float) -> tuple[Float, Float]:
-        """The axis's point (k, 3) nearest to the lower edge, and its distance from it."""
+        top = max(float(cut.stock_mm.max()), 0.0)
+        extent = math.hypot(max(abs(cut.w_mm[0]), abs(cut.w_mm[-1])), top) + abs(cut.root_mm)
         foot = centre
-        for _ in range(2):
+        for _ in range(2):  # the axis's point nearest to the lower edge
             _, h, tx, ty = raycast.project_all(self.surface, foot).T
             edge = np.stack([foot[:, 0] - h * ty, foot[:, 1] + h * tx, np.zeros(len(h))], axis=1)
-            foot = centre + np.minimum(np.sum((edge - centre) * axis, axis=1), tip)[:, None] * axis
-        return foot, np.linalg.norm(foot - edge, axis=1)
-
-    def _section(self, points: Float) -> Float:
-        """u and height over the bevel plane (k, 2) of points (k, 3) in the part's frame."""
-        s, cut = self.surface, self._cut
-        u, h = raycast.project_all(s, points).T[:2]
-        cosine, sine = np.cos(s.tilt + s.twist * u), np.sin(s.tilt + s.twist * u)
-        g, v = h * cosine - points[:, 2] * sine, points[:, 2] * cosine + h * sine
-        return np.stack([u, math.cos(cut.bevel) * g + math.sin(cut.bevel) * (v - cut.root_mm)], axis=1)
+            foot = centre + np.minimum(np.sum((edge - centre) * axis, axis=1), motion.tip_mm)[:, None] * axis
+        ends = [raycast.project_all(self.surface, foot + far * axis)[:, 0] for far in (-extent, extent)]
+        aside = CONVERGING * radius + 1.0
+        first = (np.minimum(*ends) - aside) / cut.u_step_mm
+        last = (np.maximum(*ends) + aside) / cut.u_step_mm
+        columns = np.clip([np.minimum(first[:-1], first[1:]), np.maximum(last[:-1], last[1:]) + 1], 0, len(cut.u))
+        return columns.astype(np.int64)[0], columns.astype(np.int64)[1]
 
 
 def _moved(a_from_b: Float, points: Float) -> Float:

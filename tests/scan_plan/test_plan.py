@@ -49,6 +49,17 @@ def shipped() -> Made:
     return in_cell()
 
 
+ALONG_MM = (1500.0, 1515.0, 1530.0)
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Made]:
+    """A file of 30 mm of a straight edge, and its plan."""
+    line = tmp_path_factory.mktemp("short") / "edge.csv"
+    line.write_text("".join(["x_mm,y_mm,z_mm\n", *(f"{x},0,800\n" for x in ALONG_MM)]))
+    return line, made(edge=line, passes=1)
+
+
 def test_the_shipped_cell_reaches_what_is_wanted_in_two_passes(shipped: Made) -> None:
     scan, file, gate, _ = shipped
     assert gate.passed
@@ -72,12 +83,14 @@ def test_what_is_promised_decides_and_is_written(shipped: Made) -> None:
     assert columns.reached == ((root <= 0.02) & (bevel <= 0.1)).tolist()
 
 
-def test_a_rehearsal_that_the_engine_refuses_promises_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_rehearsal_that_the_engine_refuses_promises_nothing(
+    monkeypatch: pytest.MonkeyPatch, short: tuple[Path, Made]
+) -> None:
     def refused(*_: Any, **__: Any) -> Any:
         raise InputError("scan", "its faces are none")
 
     monkeypatch.setattr(edge, "segment", refused)
-    _, file, gate, _ = made()
+    _, file, gate, _ = made(edge=short[0])
     assert not gate.passed
     assert not any(file.predicted.reached)
     assert "with a radius of 0.22 mm: scan: its faces are none" in gate.reason
@@ -114,9 +127,9 @@ def test_a_fixture_over_the_edge_shadows_it_and_is_named(tmp_path: Path, shipped
 
 
 @pytest.fixture(scope="module")
-def beyond_reach() -> Made:
+def beyond_reach(short: tuple[Path, Made]) -> Made:
     """A bevel angle that no two passes tell."""
-    return made(wanted_bevel_deg=0.005, passes=2)
+    return made(edge=short[0], wanted_bevel_deg=0.005, passes=2)
 
 
 def test_what_cannot_be_reached_is_told_with_what_would_help(beyond_reach: Made) -> None:
@@ -134,7 +147,7 @@ def test_passes_drift_to_either_side_in_turn(beyond_reach: Made) -> None:
 
 def test_a_pass_drifts_as_far_as_the_section_has_room(tmp_path: Path) -> None:
     line = tmp_path / "edge.csv"
-    line.write_text("x_mm,y_mm,z_mm\n1000,0,800\n2000,0,800\n")
+    line.write_text("x_mm,y_mm,z_mm\n1000,0,800\n1520,0,800\n")
     drifts = []
     for width in (6.5, 7.0, 20.0):
         narrow = sensor(tmp_path, width_mm=[width, width])
@@ -149,17 +162,6 @@ def test_the_plate_and_the_scanner_are_bodies(shipped: Made) -> None:
     bodies = {shape.body for shape in place.shapes}
     assert {"workpiece", "tool"} <= bodies
     assert "cutter" not in bodies
-
-
-ALONG_MM = (1500.0, 1515.0, 1530.0)
-
-
-@pytest.fixture(scope="module")
-def short(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Made]:
-    """A file of 30 mm of a straight edge, and its plan."""
-    line = tmp_path_factory.mktemp("short") / "edge.csv"
-    line.write_text("".join(["x_mm,y_mm,z_mm\n", *(f"{x},0,800\n" for x in ALONG_MM)]))
-    return line, made(edge=line, passes=1)
 
 
 def test_a_polyline_is_an_edge(tmp_path: Path, short: tuple[Path, Made]) -> None:

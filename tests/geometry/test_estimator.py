@@ -11,10 +11,7 @@ import scipy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from workbench.errors import InputError
-from workbench.geometry import estimator
-from workbench.geometry.estimator import Fit, Labels, Rows, Shared, fit, without_blunders
-from workbench.units import Float
+from workbench.api import Float, InputError, estimator
 
 
 @dataclass
@@ -26,13 +23,13 @@ class Linear:
     covariance: Float
     prior: Float = field(default_factory=lambda: np.zeros((0, 0)))
     values: Float | None = None
-    shared: tuple[Shared, ...] = ()
+    shared: tuple[estimator.Shared, ...] = ()
 
-    def rows(self, at: Float) -> Rows:
+    def rows(self, at: Float) -> estimator.Rows:
         n, d, size = self.slope.shape
         prior = self.prior if self.prior.size else np.zeros((size, size))
         values = np.full(n, float(d)) if self.values is None else self.values
-        return Rows(self.seen - self.slope @ at, self.slope, self.covariance, values, prior, -at, self.shared)
+        return estimator.Rows(self.seen - self.slope @ at, self.slope, self.covariance, values, prior, -at, self.shared)
 
     def moved(self, at: Float, step: Float) -> Float:
         return at + step
@@ -75,7 +72,9 @@ def with_shared(seed: int) -> Linear:
     for rows in (order[:6], order[6:13]):
         m = len(rows)
         pose, whole = np.sort(rng.integers(0, 3, m)), rng.normal(size=(m, 3, 2))
-        scans.append(Shared(rows, spread(rng, m, 3), rng.normal(size=(m, 3, 2)), pose, rng.uniform(size=m), 3, whole))
+        scans.append(
+            estimator.Shared(rows, spread(rng, m, 3), rng.normal(size=(m, 3, 2)), pose, rng.uniform(size=m), 3, whole)
+        )
     return dataclasses.replace(one, shared=tuple(scans))
 
 
@@ -83,7 +82,7 @@ def with_shared(seed: int) -> Linear:
 @given(st.integers(0, 10**6), st.booleans())
 def test_a_fit_is_generalised_least_squares_with_its_prior(seed: int, shares: bool) -> None:
     one = with_shared(seed) if shares else drawn(seed)
-    found = fit(one, np.zeros(4))
+    found = estimator.fit(one, np.zeros(4))
     J, weight = one.slope.reshape(-1, 4), np.linalg.inv(dense(one))
     information = J.T @ weight @ J + one.prior
     np.testing.assert_allclose(found.information, information, rtol=1e-7, atol=1e-9 * np.abs(information).max())
@@ -98,7 +97,7 @@ def test_a_fit_is_generalised_least_squares_with_its_prior(seed: int, shares: bo
 def test_the_distance_of_an_observation_is_that_from_a_fit_without_it(seed: int, row: int) -> None:
     one = drawn(seed)
     used = np.arange(12) != row
-    whole, rest = fit(one, np.zeros(4)), fit(one, np.zeros(4), used)
+    whole, rest = estimator.fit(one, np.zeros(4)), estimator.fit(one, np.zeros(4), used)
     off = rest.rows.residual[row]
     spread = one.covariance[row] + one.slope[row] @ rest.inverse @ one.slope[row].T
     chance = scipy.special.chdtrc(2, off @ np.linalg.solve(spread, off))  # of its two values
@@ -113,8 +112,8 @@ def test_more_unknowns_are_what_a_fit_with_them_finds(seed: int) -> None:
     one = drawn(seed)
     change = np.random.default_rng(seed + 1).normal(size=(*one.seen.shape, 2))
     more = dataclasses.replace(one, slope=np.concatenate([one.slope, change], axis=2), prior=np.pad(one.prior, (0, 2)))
-    found, covariance = fit(one, np.zeros(4)).tested(change)
-    expected = fit(more, np.zeros(6))
+    found, covariance = estimator.fit(one, np.zeros(4)).tested(change)
+    expected = estimator.fit(more, np.zeros(6))
     np.testing.assert_allclose(found, expected.at[-2:], rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(covariance, expected.covariance[-2:, -2:], rtol=1e-6, atol=1e-9)
 
@@ -125,10 +124,10 @@ class Steep:
 
     end: float
 
-    def rows(self, at: Float) -> Rows:
+    def rows(self, at: Float) -> estimator.Rows:
         grown, one = np.exp(at[0]), np.ones((5, 1, 1))
         noise = one * (at[0] < self.end)
-        return Rows(np.e - grown * one[..., 0], grown * one, noise, np.ones(5), np.zeros((1, 1)), np.zeros(1))
+        return estimator.Rows(np.e - grown * one[..., 0], grown * one, noise, np.ones(5), np.zeros((1, 1)), np.zeros(1))
 
     def moved(self, at: Float, step: Float) -> Float:
         return at + step
@@ -136,19 +135,21 @@ class Steep:
 
 def test_a_step_that_cannot_be_solved_is_shortened_and_what_runs_away_ends_with_its_misfit() -> None:
     """From x = -3 the first step leads to 50, where nothing has an inverse."""
-    assert fit(Steep(3.0), np.array([-3.0])).at[0] == pytest.approx(1.0)
-    lost = fit(Steep(-2.99), np.array([-3.0]))
+    assert estimator.fit(Steep(3.0), np.array([-3.0])).at[0] == pytest.approx(1.0)
+    lost = estimator.fit(Steep(-2.99), np.array([-3.0]))
     assert lost.at[0] == -3.0
     assert lost.misfit > 5.0
     with pytest.raises(InputError, match="the rows contradict each other: a misfit of"):
-        raise estimator.contradictory(lost.misfit, Labels("touches.csv", tuple(range(5))))
+        raise estimator.contradictory(lost.misfit, estimator.Labels("touches.csv", tuple(range(5))))
 
 
 def test_a_covariance_grows_with_the_misfit_and_never_shrinks() -> None:
     one = drawn(8, n=400)
-    found = fit(one, np.zeros(4))
+    found = estimator.fit(one, np.zeros(4))
     u = np.sqrt(np.diag(found.covariance))
-    proud, humble = (fit(dataclasses.replace(one, covariance=k * one.covariance), np.zeros(4)) for k in (0.01, 100.0))
+    proud, humble = (
+        estimator.fit(dataclasses.replace(one, covariance=k * one.covariance), np.zeros(4)) for k in (0.01, 100.0)
+    )
     np.testing.assert_allclose(np.sqrt(np.diag(proud.covariance)), u, rtol=0.2)
     assert proud.misfit == pytest.approx(100.0, rel=0.2)
     assert np.sqrt(np.diag(humble.covariance)) == pytest.approx(
@@ -166,10 +167,10 @@ def numbers(values: Float, repeats: Float | None = None) -> Linear:
     return Linear(seen, slope, np.tile(np.eye(3), (n, 1, 1)), np.eye(1) * 1e12, repeats)
 
 
-def left_out(values: Float, spare: int = 4) -> tuple[Fit[Float], dict[int, str]]:
+def left_out(values: Float, spare: int = 4) -> tuple[estimator.Fit[Float], dict[int, str]]:
     """Of such numbers, on lines from 10."""
-    labels = Labels("a.csv", tuple(range(10, 10 + len(values))), ask="look")
-    return without_blunders(numbers(values), np.zeros(1), labels, spare=spare)
+    labels = estimator.Labels("a.csv", tuple(range(10, 10 + len(values))), ask="look")
+    return estimator.without_blunders(numbers(values), np.zeros(1), labels, spare=spare)
 
 
 def test_blunders_are_left_out_by_their_lines_the_worst_first() -> None:

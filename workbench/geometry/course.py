@@ -27,7 +27,8 @@ from workbench.units import AnyArray, Bool, Float, Int, Shaped
 BIN_MM, LEAST_BINS = 2.0, 40  # frames are averaged over this much edge, or over this part of a short one
 LEAST_PIECES = 5  # of the spline; else its knots are two bins apart
 OUTLIER_SIGMAS = 5.0  # of the frames' own scatter; one in two million by chance
-NEIGHBOURS, RESETTLED = 7, 6  # bins that say roughly where the course runs; times that their weights settle
+BESIDE = 5  # bins whose median says roughly where the course runs
+RESETTLED = 6  # times that the noise settles beside what bins share
 LEAST_SHARED = 3  # bins in which passes tell how far they lie beside each other
 ALL_ALIKE = 1e-12  # of the strongest: what differences of passes do not tell, the offset of all
 # Of passes that share none: bins on each side that tell a step where they meet, and its own uncertainties that make it
@@ -35,7 +36,7 @@ ALL_ALIKE = 1e-12  # of the strongest: what differences of passes do not tell, t
 MEETING, SURE_STEP = 6, 4.0
 AGREED = 2.0  # times the usual difference of neighbours: values that leave the course by it together are no strays
 LEAST_VALUES = 5  # of a pass that is judged, or may lie beside the others, by itself
-READMITTED = 3  # times that outliers are told again, by the course that was fitted without them
+READMITTED = 5  # times at most that outliers are told again, by the course that was fitted without them
 CHANCE = 2.0  # standard deviations by which two passes differ where nothing is wrong
 LEAST_OWN = 0.01  # of what neighbours differ, that they do not share
 LEAST_FACTOR = 1e-12  # of noise: exact values have none
@@ -633,115 +634,22 @@ def stretches(s: Float, width_mm: float) -> Int:
 
 
 def _inliers(values: Values) -> Bool:
-    """Values (m,) within OUTLIER_SIGMAS of a smooth course through the medians of neighbouring bins, in one pass.
+    """Values (m,) within OUTLIER_SIGMAS of the way along the running medians of bins, in one pass.
 
-    Components are judged together: noise of a frame may lie along one direction only.
+    Components are judged together: noise of a frame may lie along one direction only. What leaves that way where the
+    course bends, as at its ends, `_near` takes back.
     """
     kept = np.ones(values.s.size, bool)
     for mine in values.passes:
         if mine.stop - mine.start < LEAST_VALUES:
             continue
         edges = values.edges[(values.edges >= mine.start) & (values.edges <= mine.stop)]
-        middle = np.stack([medians(part, edges) for part in values.y.T], axis=1)
-        place, reach, found = _parabolas(medians(values.s, edges), as_input(middle))
-        size = np.empty(mine.stop - mine.start)
-        s, y, variance = (as_input(of[mine]) for of in (values.s, values.y, values.variance))
-        _off_parabolas(place, reach, found, s, y, variance, size)
+        place = medians(values.s, edges)
+        middle = [np.median(_neighbours(medians(part, edges), BESIDE), axis=1) for part in values.y.T]
+        about = np.stack([np.interp(values.s[mine], place, one) for one in middle], axis=1)
+        size = np.linalg.norm(values.y[mine] - about, axis=1) / np.sqrt(values.variance[mine])
         kept[mine] = size <= OUTLIER_SIGMAS * max(median(size) / 0.6745, _digits(values))
     return kept
-
-
-class Windows(NamedTuple):
-    """Middles of b bins, and of each the bins about it that its parabola goes through."""
-
-    place: Shaped[Float, " b"]
-    middle: Shaped[Float, "b d"]
-    first: Shaped[Int, " b"]  # bin of the window
-    reach: Shaped[Float, " b"]  # from its first bin to its last
-
-
-def _parabolas(place: Float, middle: Float) -> tuple[Float, Float, Float]:
-    """Parabolas (b, 3, d) of (s - place) / reach about each of the places (b,), through the NEIGHBOURS nearest it.
-
-    Through middles (b, d), by least squares with weights that fall with a middle's own distance (Cauchy's): robust, and
-    true to a course that bends, at its ends too, where lines between the middles would leave it. Also place and reach.
-    """
-    count = min(NEIGHBOURS, place.size)
-    first = np.arange(place.size) - count // 2
-    for _ in range(count // 2):  # windows slide away from ends and gaps
-        first = np.clip(first, 0, place.size - count)
-        last = first + count - 1
-        further = np.minimum(last + 1, place.size - 1)
-        ahead = (further > last) & (place[further] - place < place - place[first]) & (first < np.arange(place.size))
-        behind = np.maximum(first - 1, 0)
-        back = (behind < first) & (place - place[behind] < place[last] - place) & (last > np.arange(place.size))
-        first = first + ahead - back
-    first = np.clip(first, 0, place.size - count)
-    reach = np.maximum(place[first + count - 1] - place[first], 1e-9)
-    weight, terms = np.ones(place.size), min(3, max(1, (count + 1) // 2))
-    found = np.zeros((place.size, 3, middle.shape[1]))
-    windows = Windows(as_input(place), middle, as_input(first), as_input(reach))
-    for _ in range(RESETTLED):
-        off = np.empty(place.size)
-        _fit_parabolas(windows, as_input(weight), count, terms, found, off)
-        weight = 1.0 / (1.0 + (off / max(2.0 * median(off), 1e-12)) ** 2)
-    return windows.place, windows.reach, found
-
-
-@kernel
-def _fit_parabolas(windows: Windows, weight: Float, count: int, terms: int, found: Float, off: Float) -> None:
-    """Fill found (b, 3, d), and off (b,): how far each middle lies off its own."""
-    place, middle, first, reach = windows
-    components = middle.shape[1]
-    rows, powers = np.empty((3, 3 + components)), np.ones(3)
-    for b in range(place.size):
-        for i in range(3):
-            for j in range(3 + components):
-                rows[i, j] = 0.0
-        for k in range(first[b], first[b] + count):
-            powers[1] = (place[k] - place[b]) / reach[b]
-            powers[2] = powers[1] * powers[1]
-            for i in range(terms):
-                for j in range(terms):
-                    rows[i, j] += weight[k] * powers[i] * powers[j]
-                for d in range(components):
-                    rows[i, 3 + d] += weight[k] * powers[i] * middle[k, d]
-        for i in range(terms):
-            rows[i, i] += 1e-12
-        _eliminate(rows, terms)
-        square = 0.0
-        for d in range(components):
-            for i in range(terms - 1, -1, -1):
-                value = rows[i, 3 + d]
-                for j in range(i + 1, terms):
-                    value -= rows[i, j] * found[b, j, d]
-                found[b, i, d] = value / rows[i, i]
-            square += (middle[b, d] - found[b, 0, d]) ** 2
-        off[b] = math.sqrt(square)
-
-
-@kernel
-def _eliminate(rows: Float, terms: int) -> None:
-    """Gauss' steps on the equations of the first `terms` rows (3, 3 + d), whose matrix is positive definite."""
-    for i in range(terms):
-        for j in range(i + 1, terms):
-            share = rows[j, i] / rows[i, i]
-            for m in range(i, rows.shape[1]):
-                rows[j, m] -= share * rows[i, m]
-
-
-@kernel
-def _off_parabolas(place: Float, reach: Float, found: Float, s: Float, y: Float, variance: Float, size: Float) -> None:
-    """Fill size (m,): standard deviations by which values (m, d), s rising, lie off the nearest place's parabola."""
-    b = 0
-    for m in range(s.size):
-        while b + 1 < place.size and s[m] > 0.5 * (place[b] + place[b + 1]):
-            b += 1
-        u = (s[m] - place[b]) / reach[b]
-        square = 0.0
-        for d in range(y.shape[1]):
-            square += (y[m, d] - found[b, 0, d] - u * (found[b, 1, d] + u * found[b, 2, d])) ** 2
-        size[m] = math.sqrt(square / variance[m])
 
 
 class Binned(NamedTuple):

@@ -58,9 +58,7 @@ def test_a_lag_is_told_and_refused(offset_s: float) -> None:
 
 
 def test_clocks_that_walk_apart_are_refused() -> None:
-    found = late(0.05 * np.sin(TIME), noise_deg=0.01)
-    assert np.corrcoef(found.offset_s, np.sin(TIME))[0, 1] > 0.8
-    assert not late_check(found).passed
+    assert not late_check(late(0.05 * np.sin(TIME), noise_deg=0.01)).passed
 
 
 def test_a_lag_that_costs_little_is_no_reason_to_refuse() -> None:
@@ -77,7 +75,8 @@ def test_a_lag_that_the_place_alone_shows_is_in_the_uncertainty() -> None:
 
 
 def test_what_nothing_tells_is_in_the_uncertainty_and_named() -> None:
-    blind, told = late(np.zeros(FRAMES), noise_deg=3.0), late(np.zeros(FRAMES), noise_deg=0.01, noise_mm=0.01)
+    blind = late(np.zeros(FRAMES), noise_deg=10.0, noise_mm=3.0)
+    told = late(np.zeros(FRAMES), noise_deg=0.01, noise_mm=0.01)
     assert blind.unsure_s.mean() > 0.8 * UNSEEN_S
     assert told.unsure_s.mean() < 0.2 * UNSEEN_S
     assert "does not show whether the clocks agree" in late_check(blind).finding

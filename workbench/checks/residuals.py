@@ -46,11 +46,10 @@ LATE_BINS, FRAMES_A_LATE_BIN = (
 )  # of a pass at the most; frames of each at the least, whose median withstands strays
 LEAST_BINS = 24
 DEGREE = 3  # in arc length, of how a face may be twisted, or bend, without going with the clock
-WALK = 4  # degree, in time, of an offset that walks
-# How many times more of the turn a constant offset, or one that walks, explains than noise does, each of its unknowns:
-# 60 good raw edges of both simulators reach 8.3 and 4.0, half of those with late poses 8 to 100.
-SURE_LATE, SURE_WALK = 20.0, 7.0
-USUAL_S = 0.1  # standard deviation of what an offset may be, and of how it may walk: one of seconds is no clock's
+# How many times more of the turn an offset explains than noise does: 60 good raw edges of both simulators reach 8.3,
+# half of those with late poses 8 to 100.
+SURE_LATE = 20.0
+USUAL_S = 0.1  # standard deviation of what an offset may be: one of seconds is no clock's
 SHEARED = 0.05  # of what the orientation turns, that a face may seem to turn with it: of a hand-eye pose 3 deg off
 MOST_SWAY = 7.0 * DEG  # a scanner that turns by more may follow how the plate is twisted: all may go with it then
 SETTLED = 4  # rounds, in which the noise and what goes with the rate settle
@@ -107,8 +106,8 @@ def late_of(face: FaceAlong, pose: Float, time_s: Float, passes: Int) -> Late:
 
     A plate does not turn or bend to and fro as a scanner does. What the face's direction leaves of a slow twist, and of
     what goes with the orientation itself, is compared with the rate at which the poses turn about the edge, and what
-    its place leaves of a slow bend with the rate at which they carry it: by a constant offset, and by one that walks.
-    What two passes show alike at the same places is the plate's.
+    its place leaves of a slow bend with the rate at which they carry it. Of clocks that walk apart, that tells the
+    middle. What two passes show alike at the same places is the plate's.
     """
     offset, unsure, by_turn, rate, oblique, turned, by_place = np.zeros((7, face.s.size))
     still_mm = np.zeros((face.s.size, 3))
@@ -124,11 +123,10 @@ def late_of(face: FaceAlong, pose: Float, time_s: Float, passes: Int) -> Late:
         rate = (spin * here.tangent).sum(axis=1)
         turning = _turning(here, rate, vector_from_rotation(rotation[0].T @ rotation), edges)
         moving = _moving(here, flow, edges)
-        turns, coefficient = _told(turning)
-        moves, still = _told_still(moving)
+        (turns, by_turn_s), (moves, still) = _told(turning), _told(moving)
         if turns or moves:  # by what is more certain
-            found.offset_s[mine] = still if moves > turns else _walk(mine.size) @ coefficient
-        found.by_turn[mine], found.unsure_s[mine] = turns > 0.0, _unsure(mine.size, (turning, moving))
+            found.offset_s[mine] = still if moves > turns else by_turn_s
+        found.by_turn[mine], found.unsure_s[mine] = turns > 0.0, _unsure((turning, moving))
         turned[mine], by_place[mine] = found.offset_s[mine] * found.by_turn[mine] * rate, still if moves else 0.0
         along = np.einsum("nji,nj->ni", rotation, np.cross(here.normal, here.tangent))
         found.rate[mine] = (_turned(rotation, here.normal, span) * along).sum(axis=1)
@@ -232,10 +230,10 @@ def _bending(flow: Float, s: Float) -> Float:
 
 
 class _Channel(NamedTuple):
-    """What b bins show, and what of it a walk's terms would make; less what is slow of both."""
+    """What b bins show, and what of it an offset would make; less what is slow of both."""
 
     shown: Shaped[Float, " b"]
-    by_rate: Shaped[Float, "b k"]  # over USUAL_S
+    by_rate: Shaped[Float, "b 1"]  # over USUAL_S
     beside: Shaped[Float, "b j"]  # what else may go with the scanner, by as much as is usual
     free: int  # of the bins
 
@@ -245,15 +243,10 @@ def _mean(of: Float, edges: Int) -> Float:
     return np.asarray(np.add.reduceat(of, edges[:-1], axis=0) / np.diff(edges).reshape(-1, *[1] * (of.ndim - 1)))
 
 
-def _walk(count: int) -> Float:
-    """The terms (count, k) of an offset that walks in time."""
-    return np.asarray(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), WALK))
-
-
 def _turning(face: FaceAlong, rate: Float, orientation: Float, edges: Int) -> _Channel:
     """By the face's direction, against how fast (n,) the poses turn about the edge."""
     known = twisted(_mean(face.s, edges), DEGREE)
-    by_rate = USUAL_S * _walk(edges.size - 1) * _mean(rate, edges)[:, None]
+    by_rate = USUAL_S * _mean(rate, edges)[:, None]
     sways = np.ptp(orientation, axis=0).max() < MOST_SWAY
     beside, left = (SHEARED if sways else 1.0) * _mean(orientation, edges), medians(face.angle, edges)
     left, by_rate, beside = (of - known @ (known.T @ of) for of in (left, by_rate, beside))
@@ -264,29 +257,17 @@ def _moving(face: FaceAlong, flow: Float, edges: Int) -> _Channel:
     """By the face's place along its normal, against how fast (n, 3) the poses carry it."""
     known = twisted(_mean(face.s, edges), DEGREE)
     normal, place = _mean(face.normal, edges), np.stack([medians(one, edges) for one in face.place_mm.T], axis=1)
-    by_rate = _walk(edges.size - 1)[:, :, None] * _mean(flow, edges)[:, None]
-    place -= known @ (known.T @ place)
-    by_rate -= np.tensordot(known, np.tensordot(known, by_rate, (0, 0)), (1, 0))
-    along = np.einsum("bwi,bi->bw", by_rate, normal)
-    return _Channel((place * normal).sum(axis=1), USUAL_S * along, along[:, :0], len(place) - known.shape[1])
+    flow = _mean(flow, edges)
+    place, flow = (of - known @ (known.T @ of) for of in (place, flow))
+    shown, along = ((of * normal).sum(axis=1) for of in (place, flow))
+    return _Channel(shown, USUAL_S * along[:, None], np.zeros((shown.size, 0)), shown.size - known.shape[1])
 
 
-def _told(channel: _Channel) -> tuple[float, Float]:
-    """How many times more than noise an offset explains, 0 where none is certain, and the terms (k,) of its walk, s."""
-    (_, none, _), (_, one, _), (walk, all_, noise) = (_fitted(channel, terms) for terms in (0, 1, WALK + 1))
-    walks = (none - all_) / (WALK + 1) / noise > SURE_WALK
-    more = (one - all_) / WALK / noise > SURE_WALK
-    certain, still = _told_still(channel)
-    if walks and (more or not certain):
-        return (none - all_) / noise, walk
-    return certain, np.array([still, *np.zeros(WALK)])
-
-
-def _told_still(channel: _Channel) -> tuple[float, float]:
-    """The same of a constant offset, and that, s. Waves of an edge look like one that walks."""
-    (_, none, _), (still, one, noise) = (_fitted(channel, terms) for terms in (0, 1))
+def _told(channel: _Channel) -> tuple[float, float]:
+    """How many times more than noise an offset explains, 0 where it is not certain, and that offset, s."""
+    (_, none, _), (offset, one, noise) = (_fitted(channel, terms) for terms in (0, 1))
     certain = (none - one) / noise
-    return (certain if certain > SURE_LATE else 0.0), float(still[0])
+    return (certain if certain > SURE_LATE else 0.0), float(offset[0])
 
 
 def _fitted(channel: _Channel, terms: int) -> tuple[Float, float, float]:
@@ -304,14 +285,12 @@ def _fitted(channel: _Channel, terms: int) -> tuple[Float, float, float]:
     return USUAL_S * (right.T @ (share * along))[:terms], cost, noise
 
 
-def _unsure(count: int, channels: tuple[_Channel, ...]) -> Float:
-    """Standard uncertainty (count,) of an offset that may be, and walk by, UNSEEN_S, by all that is shown."""
-    known = np.eye(WALK + 1) / UNSEEN_S**2
+def _unsure(channels: tuple[_Channel, ...]) -> float:
+    """Standard uncertainty of an offset that may be UNSEEN_S, by all that is shown."""
+    known = 1.0 / UNSEEN_S**2
     for channel in channels:
-        noise = _fitted(channel, WALK + 1)[2]
+        noise, rate = _fitted(channel, 1)[2], channel.by_rate[:, 0]
         beside = channel.beside.T @ channel.beside / noise + np.eye(channel.beside.shape[1])
-        mixed = channel.beside.T @ channel.by_rate / noise
-        shown = channel.by_rate.T @ channel.by_rate / noise - mixed.T @ np.linalg.solve(beside, mixed)
-        known += shown / USUAL_S**2
-    walk = _walk(count)
-    return np.asarray(np.sqrt(((walk @ np.linalg.inv(known)) * walk).sum(axis=1)))
+        mixed = channel.beside.T @ rate / noise
+        known += float(rate @ rate / noise - mixed @ np.linalg.solve(beside, mixed)) / USUAL_S**2
+    return 1.0 / math.sqrt(known)

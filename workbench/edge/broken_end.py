@@ -42,7 +42,7 @@ from workbench.edge.faces import TrackedFaces
 from workbench.edge.lower_fillet import LowerFillet
 from workbench.geometry.blocks import as_input, evenly
 from workbench.geometry.chains import FaceLines
-from workbench.geometry.course import CHANCE, LEAST_SHARED, stretches
+from workbench.geometry.course import CHANCE, LEAST_SHARED, fit_course, stretches
 from workbench.geometry.end_face import BROKEN_MM
 from workbench.geometry.grids import dark_beyond
 from workbench.geometry.medians import medians
@@ -56,6 +56,7 @@ LAST, LEAST_GROUPS, DEEP_MM = 10, 5, 3.0  # columns pooled one by one, then by t
 STEP_MM = 0.15  # between columns of one surface
 STILL = 3.0  # columns: where the end moves by less over the pass, its place within one is not all places in turn
 DEPTH_U_MM, LEAST_MEANS, PATTERN_PLACES = 0.0005, 8, 9
+USUALLY_WITHIN = 0.3  # of the logarithm of a break's size along an edge
 UNLIKELY = 1e-3  # share of templates that are not cut finer
 # What footprints cut off a corner: share of it by which it may be off; the same in columns times the fold; corners that
 # are worn; and columns beside a corner.
@@ -125,6 +126,7 @@ class BrokenEnd:
     together_u_mm: Shaped[Float, " N"]  # `u_mm` where passes show the same edge, by what all of them see of its place
     share: Shaped[Float, " t"]  # of the templates
     seen: Mapping[int, PassEnd]  # by pass
+    own_mm: Shaped[Float, " N"]  # of `beyond_mm`, by how much more that is here than on average over the pass
 
     @property
     def doubt_mm(self) -> Float:
@@ -145,6 +147,7 @@ class BrokenEnd:
         nothing = PassEnd(np.zeros(self.share.size), np.zeros(self.share.size))
         views = [((pass_index == p) & ~is_corner, seen) for p, seen in self.seen.items()]
         views += [((pass_index == p) & is_corner, nothing) for p in np.unique(pass_index[is_corner])]
+        end_mm = end_mm + self.own_mm
         known = np.isfinite(s) & np.isfinite(end_mm)
         if len(views) < 2 or not known.any():
             return self
@@ -177,6 +180,7 @@ class BrokenEnd:
             beyond[on], u[on] = mean - begin, math.sqrt(float(share @ left))
         for on, seen in apart_from_these:
             beyond[on], u[on] = _moments(share, seen.beyond, seen.beyond_u)
+        beyond += self.own_mm
         return replace(self, beyond_mm=beyond, together_u_mm=u, share=share)
 
 
@@ -213,10 +217,11 @@ def broken_end(
     Source: eq. (12) and (12a) of docs/method.md for the templates; averaged over them as Hoeting et al., Bayesian model
     averaging, Statistical Science 14 (1999), 382.
     """
-    beyond, u = np.zeros((2, here.size))
+    beyond, u, own = np.zeros((3, here.size))
     numbers = np.unique(cloud.pass_index[here])
     footprints = _footprints(cloud, rim, here)
-    views = [_view(cloud, rim, here & (cloud.pass_index == p), footprints) for p in numbers]
+    looks = [_view(cloud, rim, here & (cloud.pass_index == p), footprints) for p in numbers]
+    views = [view for view, _ in looks]
     prior = PRIORS[condition]
     templates = end_templates(prior)
     seen, likelihood, share = _posterior(views, templates, corner)
@@ -226,13 +231,16 @@ def broken_end(
     possible = np.isfinite(templates.log_prior[1:])
     proven = bool(likelihood[1:][possible].max() - likelihood[0] > PROOF)
     rims, by_pass = [0.0], dict[int, PassEnd]()
-    for p, view, one in zip(numbers, views, seen, strict=True):
+    for p, (view, shown), one in zip(numbers, looks, seen, strict=True):
         mine = here & (cloud.pass_index == p)
         mean, spread = beyond_of(share, one)
         odd = _odd_columns(view.known, share @ one.fall) * view.step_mm
         # No break reaches farther than its size: what does is another surface's.
         other = max(mean - float(share @ templates.size_mm) - view.step_mm, 0.0)
-        beyond[mine], u[mine] = mean, math.hypot(spread, odd, other)
+        broken = float(share[templates.size_mm > 0.0].sum())
+        unseen = max(mean / broken - view.further * view.step_mm, 0.0) if broken > 0.0 else 0.0
+        own[mine] = broken * _own_break(cloud, rim, shown, unseen, np.flatnonzero(mine))
+        beyond[mine], u[mine] = mean + own[mine], math.hypot(spread, odd, other)
         by_pass[int(p)] = PassEnd(one.beyond, np.sqrt(one.beyond_u**2 + odd**2 + other**2))
         deep = share @ one.fall > 3.0 * np.sqrt(np.diag(view.known.noise))
         rims.append(float(np.diff(view.edges_mm)[deep].sum()) * math.cos(view.inclination))
@@ -240,7 +248,7 @@ def broken_end(
     if corner is not None:
         size, rim_mm = max(size, corner.radius_mm), max(rim_mm, corner.rim_mm)
     hidden = np.where(here, _hidden_end_u_mm(cloud, rim.face), 0.0)
-    return BrokenEnd(beyond, u, hidden, size, rim_mm, u, share, by_pass)
+    return BrokenEnd(beyond, u, hidden, size, rim_mm, u, share, by_pass, own)
 
 
 def _posterior(
@@ -253,6 +261,44 @@ def _posterior(
     log = templates.log_prior + likelihood
     share = np.exp(log - log.max())
     return seen, likelihood, share / share.sum()
+
+
+class EndFrames(NamedTuple):
+    """What single frames of a pass show of the end."""
+
+    frames: Shaped[Int, " k"]
+    further_mm: Shaped[Float, " k"]  # how far their returns go on beyond those on the line
+    depth: Shaped[Float, "k g"]  # of the groups between the limits `edges_mm`, under the line
+    edges_mm: Shaped[Float, " g1"]
+
+
+def _own_break(cloud: Cloud, rim: FaceRim, shown: EndFrames, unseen_mm: float, frames: Int) -> Float:
+    """How far the virtual edge lies beyond the returns of frames (k,) of a pass, more than on average over it, mm.
+
+    A brush or a file breaks an edge more here than there. Each frame shows how far its returns go on beyond the line,
+    and by their depth how large the break is, to which the part that is not seen (on average `unseen_mm`) is in
+    proportion: breaks of one form differ by their scale. Both run smoothly along the edge.
+
+    Source: eq. (12d) of docs/method.md.
+    """
+    if len(shown.frames) < LEAST_FRAMES:
+        return np.zeros(frames.size)
+    mean = shown.depth.mean(axis=0)
+    middle = 0.5 * (shown.edges_mm[1:] + shown.edges_mm[:-1])
+    grows = mean - middle * np.gradient(mean, middle)  # by the logarithm of the scale
+    noise = 0.5 * np.cov(np.diff(shown.depth, axis=0).T) + DEPTH_U_MM**2 * np.eye(mean.size)
+    gain = np.linalg.solve(noise + free_depths(shown.edges_mm), grows)
+    told = float(grows @ gain)
+    scale = (shown.depth - mean) @ gain / (told + 1.0 / (len(shown.depth) * USUALLY_WITHIN**2))
+    value = shown.further_mm + unseen_mm * scale
+    pose, face, x = cloud.base_from_profiler[shown.frames, :3], rim.face, rim.end_x_mm[shown.frames]
+    z = face.z_mean[shown.frames] + face.slope[shown.frames] * (x - face.x_mean[shown.frames])
+    place = pose[:, :, 3] + x[:, None] * pose[:, :, 0] + z[:, None] * pose[:, :, 2]
+    s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(place, axis=0), axis=1))])
+    course = fit_course(s, value)
+    level, varies = float(course.value(s).mean()), float(course.value(s).var())
+    proven = max(1.0 - float((course.u(s) ** 2).mean()) / varies, 0.0) if varies > 0.0 else 0.0
+    return np.asarray(proven * (course.value(np.interp(frames, shown.frames, s)) - level))
 
 
 def _corner_log(templates: EndTemplates, corner: LowerFillet) -> Float:
@@ -297,7 +343,7 @@ def _moments(share: Float, value: Float, u: Float) -> tuple[float, float]:
 def whole_end(frames: int) -> BrokenEnd:
     """The end of a face of which nothing is broken."""
     none = np.zeros(frames)
-    return BrokenEnd(none, none, none, 0.0, 0.0, none, np.ones(1), {})
+    return BrokenEnd(none, none, none, 0.0, 0.0, none, np.ones(1), {}, none)
 
 
 def together_along(s: Float, doubt_mm: Float, at: Float, *values: Float | Bool) -> tuple[Float, ...]:
@@ -359,7 +405,7 @@ def _sampled(frames: Bool) -> Int:
     return np.asarray(at[evenly(at.size, SAMPLE_FRAMES)])
 
 
-def _view(cloud: Cloud, rim: FaceRim, here: Bool, footprints: Float) -> EndView:
+def _view(cloud: Cloud, rim: FaceRim, here: Bool, footprints: Float) -> tuple[EndView, EndFrames]:
     face = rim.face
     frames = _sampled(here & (face.count > LEAST_GROUPS) & (face.sxx > 0.0))
     if frames.size < LEAST_FRAMES:
@@ -368,7 +414,8 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool, footprints: Float) -> EndView:
         slope = float(np.median(_recession(rim, frames))) if frames.size else 1.0
         edges = np.arange(LEAST_GROUPS + 1.0) * step
         unknown = _nothing_known(LEAST_GROUPS)
-        return EndView(unknown, edges, math.atan(slope), step, end_phases(True), 0.0, 0.0, footprints)
+        view = EndView(unknown, edges, math.atan(slope), step, end_phases(True), 0.0, 0.0, footprints)
+        return view, EndFrames(frames[:0], np.zeros(0), np.zeros((0, LEAST_GROUPS)), edges)
     step = float(np.median(rim.step_mm[frames]))
     slopes = face.sxz[frames] / face.sxx[frames]
     slope = float(np.median(_recession(rim, frames)))
@@ -389,7 +436,8 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool, footprints: Float) -> EndView:
     depth = _between(depth[alike])
     mostly = np.append(np.isfinite(depth).mean(axis=0) > 0.5, False)
     depth = depth[:, : int(mostly.argmin())]
-    depth = depth[np.isfinite(depth).all(axis=1)]
+    whole = np.isfinite(depth).all(axis=1)
+    depth, usual_frames = depth[whole], np.flatnonzero(alike)[whole]
     is_shown = len(depth) >= LEAST_FRAMES and depth.shape[1] >= LEAST_GROUPS
     edges = edges[: depth.shape[1] + 1] if is_shown else edges[: LEAST_GROUPS + 1]
     known = _known_depths(depth, edges * step) if is_shown else _nothing_known(edges.size - 1)
@@ -400,7 +448,9 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool, footprints: Float) -> EndView:
     moving = moved > STILL
     fills, lean = _fills(cloud, rim, frames, moving), math.atan(slope)
     incidences = _incidences(cloud, rim, frames, lean)
-    return EndView(known, edges * step, lean, step, end_phases(moving), further, usual, footprints, fills, incidences)
+    view = EndView(known, edges * step, lean, step, end_phases(moving), further, usual, footprints, fills, incidences)
+    singly = usual_frames if is_shown else usual_frames[:0]
+    return view, EndFrames(frames[singly], last[singly, 0] * step, depth[: singly.size], edges * step)
 
 
 def _incidences(cloud: Cloud, rim: FaceRim, frames: Int, lean: float) -> Float:

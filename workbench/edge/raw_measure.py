@@ -513,9 +513,9 @@ def _broken(cloud: Cloud, found: RawFaces, side: _Side, condition: EdgeCondition
     broken = broken_end(cloud, rim, here, condition)
     likewise = {name: getattr(broken, name).copy() for name in ("beyond_mm", "u_mm", "hidden_u_mm")}
     for p in np.unique(cloud.pass_index[here]):
-        one = int(np.argmax(here & (cloud.pass_index == p)))
+        of_pass = here & (cloud.pass_index == p)
         for value in likewise.values():
-            value[side.silhouette & (cloud.pass_index == p)] = value[one]
+            value[side.silhouette & ~here & (cloud.pass_index == p)] = np.median(value[of_pass])
     return replace(broken, **likewise)
 
 

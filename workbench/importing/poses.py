@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -97,22 +96,12 @@ def _orientations(table: Table, part: PosesPart, mapping: Mapping) -> Float:
     unit = part.angle_unit or USUAL_ANGLE_UNIT.get(part.convention, "rad")
     if components(part.convention) == 3:
         check_angles(values, unit, mapping, table.where)
-    return turned(values, part.convention, unit, table.place)
-
-
-def turned(values: Float, convention: str, angle_unit: str, place: Callable[[int], str]) -> Float:
-    """Unit quaternions (K, 4) out of a convention's numbers (K, 3 or 4); `place`: what to call a row, from 0.
-
-    Raises:
-        InputError: a quaternion that is not of unit length.
-    """
-    if components(convention) == 3:
-        return quaternions(values * (DEG if angle_unit == "deg" else 1.0), convention)
-    quaternion = quaternions(values, convention)
+        return quaternions(values * (DEG if unit == "deg" else 1.0), part.convention)
+    quaternion = quaternions(values, part.convention)
     norm = np.linalg.norm(np.clip(quaternion, -1e3, 1e3), axis=1)
     wrong = np.flatnonzero(np.abs(norm - 1) > UNIT_TOLERANCE)
     if len(wrong):
-        raise InputError(place(int(wrong[0])), f"expected a quaternion of norm 1, found {norm[wrong[0]]:.4g}")
+        raise InputError(table.place(int(wrong[0])), f"expected a quaternion of norm 1, found {norm[wrong[0]]:.4g}")
     return np.asarray(quaternion / norm[:, None])
 
 

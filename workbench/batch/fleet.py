@@ -60,7 +60,8 @@ def study(what: Characteristic) -> Study:
 
 def page(records: Sequence[Record], title: str) -> str:
     """The page, complete in one file; every name in it is escaped."""
-    from workbench.report.text import environment, source
+    from workbench.report.text import source
+    from workbench.templates import environment
 
     found = characteristics(records)
     margin, section = least_margin(found) if found else (np.full(len(records), np.nan), np.full(len(records), -1))

@@ -14,6 +14,7 @@ from workbench.artefacts import Characteristic, Document, JointInspection, Part,
 from workbench.errors import one_line
 from workbench.stage import stage
 from workbench.strict_json import content_digest
+from workbench.templates import environment
 
 NAMESPACE = "http://qifstandards.org/xsd/qif3"
 STATUS = {"pass": "PASS", "fail": "FAIL", "undecided": "UNKNOWN"}  # of the part
@@ -63,14 +64,10 @@ def qif(inspection: JointInspection, provenance: Provenance | None = None) -> Do
 
 def _filled(values: Mapping[str, Any]) -> str:
     """The template filled in: every value is text, escaped and on one line."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
-    templates = Environment(
-        loader=PackageLoader("workbench.export", ""),
-        autoescape=True,
-        undefined=StrictUndefined,
-        finalize=lambda value: value if isinstance(value, Markup) else _plain(str(value)),
+    templates = environment(
+        "workbench.export", finalize=lambda value: value if isinstance(value, Markup) else _plain(str(value))
     )
     templates.filters |= {"decimal": _decimal, "date_time": date_time}
     return templates.get_template("qif.xml.j2").render(values)

@@ -316,7 +316,8 @@ SHARE = (1.0, 99.0)  # per cent of the values that the ramp spans; strays do not
 def page(found: Seen) -> str:
     """The whole page."""
     from workbench.report.html import packed, policy
-    from workbench.report.text import data_address, environment, source
+    from workbench.report.text import data_address, source
+    from workbench.templates import environment
 
     viewer = source("painter.js") + source("viewer.js")
     scene = scene_of(found)

@@ -1,8 +1,7 @@
 """How values and the report's HTML are written.
 
 A value has its expanded uncertainty, and digits after it (GUM 7.2.2, 7.2.6). Templates are jinja2's with autoescape:
-names out of files (part, paths, causes) are data, which reach the page as text only. jinja2 costs time to import: it
-comes with the first page.
+names out of files (part, paths, causes) are data, which reach the page as text only.
 """
 
 from __future__ import annotations
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench.marks import SIGNS
+from workbench.templates import environment
 from workbench.units import Float
 
 if TYPE_CHECKING:
@@ -67,19 +67,6 @@ def alike(*values: float) -> tuple[str, ...]:
     """Set values, such as limits, with as many decimals as the one that needs most: '1.0', '1.5', '2.0'."""
     places = max(len(f"{value:.9g}".partition(".")[2]) for value in values)
     return tuple(f"{value:.{places}f}" for value in values)
-
-
-def environment(package: str) -> Environment:
-    """The templates of a package of this project."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
-
-    return Environment(
-        loader=PackageLoader(package, ""),
-        autoescape=select_autoescape(default=True, default_for_string=True),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
 
 
 @functools.cache

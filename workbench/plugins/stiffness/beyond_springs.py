@@ -71,20 +71,9 @@ def with_causes(
 
     found: the fit of six springs; as_built_u: times the stated priors, 0: causes are told, but not in u of the rest.
     """
-    eq = equations(chain, setup, tests)  # a direction made of what was measured would share its noise
-    modelled = replace(tests, moved=np.where(eq.seen, eq.y - eq.residual(found.at), np.nan))
-    causes = list(_causes(chain, setup, modelled, eq, found.at))
-    here = equations(chain, setup, modelled).residual(found.at)
-    plain, directions = Loading(eq), []
-    for cause in causes:
-        if cause.direction is not None:
-            directions.append(plain.observed(cause.direction))
-            continue
-        other = (_changed(setup, cause.of_setup, cause.unit), _changed(modelled, cause.of_tests, cause.unit))
-        directions.append(plain.observed(equations(chain, *other).residual(found.at) - here) / -STEP)
-    columns, u = np.stack(directions, axis=2), np.array([cause.u for cause in causes]) * max(as_built_u, LEAST)
-    links = np.array([cause.direction is not None for cause in causes])
-    loading = Loading(eq, columns, u)
+    eq = equations(chain, setup, tests)
+    causes, loading = _held(chain, setup, tests, eq, found.at, as_built_u)
+    columns, u, links = loading.directions, loading.u, np.array([cause.direction is not None for cause in causes])
     repeated, others, _ = _repeated(tests, loading, found)
     noise2 = max(repeated / others, 1.0) if others > 0 else 1.0
     give = _give(loading, loading.fit(found.used), links, noise2)
@@ -105,6 +94,34 @@ def with_causes(
         u[best] = np.inf
     fitted, _ = estimator.without_blunders(loading, fitted.at, labels)
     return loading, fitted, _lack(tests, loading, fitted, causes, told, first, give)
+
+
+def promised(chain: Chain, setup: LoadingSetup, tests: LoadingTests, compliance: Float, as_built_u: float) -> Float:
+    """Covariance (6, 6) of the compliance, (rad/Nm)^2, that tests not yet made will leave, by noise and causes.
+
+    tests: of which nothing but `moved` is unknown; compliance (6,): as expected, rad/Nm.
+    """
+    loading = _held(chain, setup, tests, equations(chain, setup, tests), compliance, as_built_u)[1]
+    normal = loading.rows(np.append(compliance, np.zeros(len(loading.u)))).normal()
+    return estimator.inverse_information(normal.information)[:6, :6]
+
+
+def _held(
+    chain: Chain, setup: LoadingSetup, tests: LoadingTests, eq: Equations, compliance: Float, as_built_u: float
+) -> tuple[list[Cause], Loading]:
+    """The causes, and the loads with these as unknowns; directions made of what was measured would share its noise."""
+    modelled = replace(tests, moved=np.where(eq.seen, eq.y - eq.residual(compliance), np.nan))
+    causes = list(_causes(chain, setup, modelled, eq, compliance))
+    here = equations(chain, setup, modelled).residual(compliance)
+    plain, directions = Loading(eq), []
+    for cause in causes:
+        if cause.direction is not None:
+            directions.append(plain.observed(cause.direction))
+            continue
+        other = (_changed(setup, cause.of_setup, cause.unit), _changed(modelled, cause.of_tests, cause.unit))
+        directions.append(plain.observed(equations(chain, *other).residual(compliance) - here) / -STEP)
+    u = np.array([cause.u for cause in causes]) * max(as_built_u, LEAST)
+    return causes, Loading(eq, np.stack(directions, axis=2), u)
 
 
 def _give(loading: Loading, found: estimator.Fit[Float], links: Bool, noise2: float) -> float:

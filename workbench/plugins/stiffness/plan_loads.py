@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -25,6 +25,7 @@ from workbench.api import (
     within_limits,
 )
 from workbench.plugins.csv_table import csv_bytes
+from workbench.plugins.stiffness.beyond_springs import promised
 from workbench.plugins.stiffness.elastic import wrench_at
 from workbench.plugins.stiffness.equations import covariances, equations
 from workbench.plugins.stiffness.read import ANGLES, WRENCH
@@ -69,20 +70,19 @@ def candidates(
     force = np.tile(directions * force_n, (len(setup.load_points_mm), 1))
     wrench = _at_sensor(setup, at, force)
     count, loads = len(joints), len(wrench)
-    tests = LoadingTests(
-        source="plan",
-        labels=("",) * (count * loads),
-        lines=(0,) * (count * loads),
-        joints=np.repeat(joints, loads, axis=0),
-        wrench=np.tile(wrench, (count, 1)),
-        moved=np.zeros((count * loads, len(moved_columns(targets)))),
-        points=targets,
-    )
+    every = ("",) * (count * loads)
+    tests = _tests(every, np.repeat(joints, loads, axis=0), np.tile(wrench, (count, 1)), targets)
     eq = equations(cell.chain, setup, tests)
     relative = eq.a / stiffness
     weighted = np.linalg.solve(covariances(eq, 1 / stiffness), relative)
     information = 2 * np.swapaxes(relative, 1, 2) @ weighted
     return Candidates(joints, at, force, wrench, information.reshape(count, loads, 6, 6))
+
+
+def _tests(labels: tuple[str, ...], joints: Float, wrench: Float, targets: int) -> LoadingTests:
+    """Tests (L) that are still to be made: nothing has moved."""
+    moved = np.zeros((len(labels), len(moved_columns(targets))))
+    return LoadingTests("plan", labels, (0,) * len(labels), joints, wrench, moved, targets)
 
 
 def _directions() -> Float:
@@ -109,6 +109,8 @@ def plan_loads(
     loads_per_posture: Annotated[int, Field(ge=2, le=400)] = 40,
     force_n: Annotated[float, Field(gt=0, le=1e5)] = 200.0,
     target_relative_u: Annotated[float, Field(gt=0, le=1)] = 0.025,
+    scale_relative_u: Annotated[float, Field(ge=0, le=0.2)] = 0.02,
+    as_built_u: Annotated[float, Field(ge=0, le=10)] = 1.0,
     targets: Annotated[int, Field(ge=0, le=50)] = 0,
     trials: Annotated[int, Field(ge=10, le=5000)] = 150,
     seed: Seed = 0,
@@ -116,7 +118,7 @@ def plan_loads(
     """Plan loading tests that determine the worst joint best.
 
     Pairs of opposite forces in 13 directions at the cell's load points are added until every joint reaches the target,
-    then exchanged while that helps.
+    then exchanged while that helps. What is promised is what `stiffness.identify` will state, its causes included.
 
     Args:
         cell: the cell; chosen postures are within limits and free of collision in it.
@@ -128,6 +130,8 @@ def plan_loads(
         force_n: of each load.
         target_relative_u: ratio of standard uncertainty, by noise alone, to stiffness to reach for every joint; 0.025:
             95 % of results within 5 %.
+        scale_relative_u: as in `stiffness.identify`.
+        as_built_u: as in `stiffness.identify`.
         targets: count of tracked points; 0: the tool frame's displacement in six dimensions.
         trials: count of random postures to choose from.
         seed: of these.
@@ -156,6 +160,9 @@ def plan_loads(
     offered = candidates(cell, setup, stiffness.nm_per_rad, joints, force_n, targets)
     chosen = choose(offered.information, postures, loads_per_posture // 2, target_relative_u)
     found = _plan(offered, chosen, target_relative_u)
+    compliance, tests = 1.0 / stiffness.nm_per_rad, _tests(found.labels, found.joints, found.wrench, targets)
+    u2 = np.diag(promised(cell.chain, setup, tests, compliance, as_built_u)) / compliance**2
+    found = replace(found, relative_u=np.sqrt(u2 + scale_relative_u**2))
     return found, Document("load_plan.csv", _csv(found))
 
 
@@ -201,6 +208,7 @@ def _plan(offered: Candidates, chosen: list[tuple[int, int]], target: float) -> 
         points_mm=np.repeat(offered.points_mm[d], 2, axis=0),
         force_n=sign * np.repeat(offered.force_n[d], 2, axis=0),
         wrench=sign * np.repeat(offered.wrench[d], 2, axis=0),
+        noise_relative_u=u,
         relative_u=u,
         warnings=tuple(warnings),
     )
@@ -211,11 +219,15 @@ def _csv(plan: LoadPlan) -> bytes:
     names = ("px_mm", "py_mm", "pz_mm", "force_x_n", "force_y_n", "force_z_n")
     comment = (
         "# point and force in the flange frame; wrench as the sensor sees it (nominal). "
-        "By noise alone, joints are known to (u): " + ", ".join(f"{100 * u:.2f} %" for u in plan.relative_u)
+        f"Joints will be known to (u): {_percent(plan.relative_u)}; by noise alone: {_percent(plan.noise_relative_u)}"
     )
     values = np.hstack([plan.joints / DEG, plan.points_mm, plan.force_n, plan.wrench])
     rows = ([label, *(f"{v + 0.0:.4f}" for v in row)] for label, row in zip(plan.labels, values, strict=True))
     return f"{comment}\n".encode() + csv_bytes(["posture", *ANGLES, *names, *WRENCH], rows)
+
+
+def _percent(shares: Float) -> str:
+    return ", ".join(f"{100 * one:.2f} %" for one in shares)
 
 
 # Optimal choice of loads for the worst joint: greedy, then exchange (Fedorov 1972).

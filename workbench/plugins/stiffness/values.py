@@ -199,7 +199,8 @@ class LoadPlan:
     points_mm: Shaped[Float, "L 3"]  # where the force acts, in the flange frame
     force_n: Shaped[Float, "L 3"]  # in the flange's axes
     wrench: Shaped[Float, "L 6"]  # N, Nm in the sensor frame
-    relative_u: Shaped[Float, " 6"]  # expected standard uncertainty of each joint's stiffness over its value
+    noise_relative_u: Shaped[Float, " 6"]  # standard uncertainty of each joint's stiffness over its value, by noise
+    relative_u: Shaped[Float, " 6"]  # likewise by noise and all else that `stiffness.identify` holds
     warnings: tuple[str, ...] = ()
 
 

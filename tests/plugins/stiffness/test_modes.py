@@ -15,7 +15,7 @@ from workbench.plugins.stiffness import modes
 from workbench.plugins.stiffness.coefficients import CuttingCoefficients
 from workbench.plugins.stiffness.dynamics import _solid, bodies_of, mass_matrices
 from workbench.plugins.stiffness.margins import Cuts, screen_limits, u_of_modes
-from workbench.plugins.stiffness.modes import _Taps, at_posture, fitted, swings
+from workbench.plugins.stiffness.modes import UNKNOWNS, _Taps, at_posture, fitted, swings
 from workbench.plugins.stiffness.tap_tests import TapTests, read_tap_tests
 from workbench.plugins.stiffness.values import CuttingProcess
 from workbench.robot import Shape, forward_kinematics, read_cell
@@ -109,17 +109,28 @@ def test_static_compliance_is_the_stiffness(cell, stiffness) -> None:
     assert np.allclose(swings(one)[1], 0.03, rtol=1e-6)
 
 
-def tapped(cell, truth, seed: int, noise: float = 0.05, scale: float = 1.0) -> TapTests:
-    """Responses along three axes at eight postures of a known robot."""
+def tapped(cell, truth, seed: int, noise: float = 0.05, scale: float = 1.0, as_built: float = 0.0) -> TapTests:
+    """Responses along three axes at eight postures of a known robot.
+
+    as_built: times how well gain, delay, give beside the joints, centres and inertias are said to be known.
+    """
     rng = np.random.default_rng(seed)
     q = rng.uniform([-1, -0.5, -0.6, -1, 0.5, -1], [1, 0.8, 0.5, 1, 1.5, 1], (8, 6))
     posture, hz = np.repeat(np.arange(8), 3 * len(HZ)), np.tile(HZ, 24)
     way = np.tile(np.repeat(np.eye(3), len(HZ), axis=0), (8, 1))
     point = np.tile(cell.flange_from_cutter[:3, 3], (8, 1))
     tests = TapTests("taps", q, point, posture, hz, np.ones(len(hz), complex), way, way, np.zeros(8, bool), 0)
-    value, _ = _Taps(cell.chain, truth, tests, 1.0, np.ones(18)).compliance(np.zeros(18))
     blurred = np.exp(noise * (rng.normal(size=len(hz)) + 1j * rng.normal(size=len(hz))))
-    return dataclasses.replace(tests, value=scale * value * blurred)
+    bodies, (gain, late, local) = truth.bodies, as_built * np.array([0.03, 1e-4, 1e-8]) * rng.normal(size=3)
+    laid = dataclasses.replace(
+        bodies,
+        centre_mm=bodies.centre_mm + as_built * rng.normal(0, 30, (6, 3)),
+        inertia_kg_m2=bodies.inertia_kg_m2 * np.exp(as_built * rng.normal(0, 0.2, 6))[:, None, None],
+    )
+    other = dataclasses.replace(truth, bodies=laid)
+    value, _ = _Taps(cell.chain, other, tests, 1.0, np.ones(18), 0.0).compliance(np.zeros(UNKNOWNS))
+    heard = scale * np.exp(gain - 2j * np.pi * hz * late)
+    return dataclasses.replace(tests, value=heard * (value + local) * blurred)
 
 
 def truth_of(begun, seed: int):
@@ -149,26 +160,32 @@ def written(folder: Path, tests: TapTests, kind: str = "compliance", change: Cal
     return path
 
 
-def test_tap_tests_find_the_robot(cell, stiffness, tmp_path: Path) -> None:
+@pytest.mark.parametrize("assumed", [0.0, 1.0])
+def test_tap_tests_find_the_robot(cell, stiffness, tmp_path: Path, assumed: float) -> None:
+    """Whatever of gain, delay, links and give beside the joints is not as stated is in u; the noise alone else."""
     begun, *_ = modes(cell, stiffness, link_masses_kg=MASSES)
-    truth = truth_of(begun, 3)
-    path = written(tmp_path, tapped(cell, truth, 4))
-    found, file, _ = modes(cell, stiffness, taps=path, link_masses_kg=MASSES)
-    u = np.sqrt(np.diag(found.covariance))
-    off = np.log(
-        np.concatenate(
-            [
-                found.nm_per_rad / truth.nm_per_rad,
-                found.bodies.mass_kg / truth.bodies.mass_kg,
-                found.damping / truth.damping,
-            ]
+    share = []
+    for seed in (3, 13):
+        truth = truth_of(begun, seed)
+        path = written(tmp_path, tapped(cell, truth, seed + 1, as_built=assumed))
+        found, file, _ = modes(cell, stiffness, taps=path, link_masses_kg=MASSES, as_built_u=assumed)
+        u = np.sqrt(np.diag(found.covariance))
+        off = np.log(
+            np.concatenate(
+                [
+                    found.nm_per_rad / truth.nm_per_rad,
+                    found.bodies.mass_kg / truth.bodies.mass_kg,
+                    found.damping / truth.damping,
+                ]
+            )
         )
-    )
-    assert 0.5 < np.sqrt(np.mean((off / u) ** 2)) < 1.8
-    assert np.abs(off[:6]).max() < 0.02
-    assert found.misfit == pytest.approx(1.0, abs=0.1)
-    assert found.declared == ()
-    assert json.loads(file.content)["misfit"] == pytest.approx(found.misfit)
+        share.append(off / u)
+        assert np.abs(off[:6]).max() < (0.08 if assumed else 0.02)
+        assert found.misfit == pytest.approx(1.0, abs=0.1)
+        assert found.declared == ()
+        assert json.loads(file.content)["misfit"] == pytest.approx(found.misfit)
+    assert 0.3 < np.sqrt(np.mean(np.square(share))) < 1.8
+    assert np.abs(share).max() < 4
 
 
 @pytest.mark.slow
@@ -180,7 +197,7 @@ def test_tap_tests_predict_the_limits_of_other_postures(cell, stiffness) -> None
     off, share = [], []
     for seed in range(16):
         truth = truth_of(begun, seed)
-        found = fitted(cell.chain, begun, tapped(cell, truth, seed + 100), 0.05)
+        found = fitted(cell.chain, begun, tapped(cell, truth, seed + 100), 0.05, 0.0)
         q = np.random.default_rng(seed + 500).uniform(low, high, (10, 6))
         frames, one = forward_kinematics(cell.chain, q) @ cell.flange_from_cutter, np.ones(10)
         cuts = Cuts(Cutter(10.0, 4, 20.0), process, 6000.0, np.arange(10), frames, np.zeros((10, 3)), one, one, one)

@@ -13,6 +13,7 @@ from workbench.api import (
     NO_NAMES,
     UNKNOWN_PART,
     AnyArray,
+    Bodies,
     Cell,
     Chain,
     Chapter,
@@ -40,7 +41,15 @@ Hertz = Annotated[float, Field(gt=0, le=1e4)]
 FLAT = 2.0  # u of a logarithm that nobody knows: a factor of seven
 FLOOR = 0.02  # of the middle response: noise that does not fall with the response
 CONTRADICTS = 3.0  # times the standard uncertainty, from the stated stiffness
+STEP = 1e-3  # of a unit, for derivatives
 TOO_MUCH = 25.0  # chi-square over its degrees of freedom: the model is another's
+# Beside the joints' 18 parameters, how well a robot is known that is tapped (u); one unit of an unknown each:
+CENTRE_U_MM, INERTIA_U = 30.0, 0.2  # of each link's centre of mass, along each axis; of its inertia about it, over it
+LOCAL_U_M_N = 1e-8  # what gives beside the joints, along each axis of the forces
+GAIN_U, DELAY_U_S = 0.03, 1e-4  # of hammer and pick-up together; of one against the other
+LEAST = 1e-3  # of these, for a robot that is exactly as stated
+JOINTS, LAYOUT = 18, 42  # unknowns up to the joints' and the links', of the latter three a centre, then the inertias
+UNKNOWNS = LAYOUT + 5  # with those of `LOCAL_U_M_N`, gain and delay
 SCALES = {1e3: "in 1/mm or mm", 1e-3: "in mm, not m", 9.80665: "in g, not m/s2", 1 / 9.80665: "in g, not m/s2"}
 
 
@@ -60,13 +69,15 @@ def modes(
     tool_stiffness_n_um: Annotated[float, Field(gt=0, le=1e4)] = 20.0,
     band_hz: tuple[Hertz, Hertz] = (4.0, 80.0),
     response_relative_u: Annotated[float, Field(gt=0, le=1)] = 0.05,
+    as_built_u: Annotated[float, Field(ge=0, le=10)] = 1.0,
     joints_deg: tuple[Angle, Angle, Angle, Angle, Angle, Angle] = (0, 38, -5, 20, 55, -10),
     part: PartNames = NO_NAMES,
 ) -> tuple[RobotModes, Document, Chapter]:
     """Mass, stiffness and damping of the robot at the tool, declared or fitted to tap tests.
 
     Rigid links on springs and dampers, with masses from the URDF (or given) and declared damping; with tap tests these
-    are priors of the fit. Writes `modes.json`.
+    are priors of the fit, beside which gain and delay of hammer and pick-up, centres and inertias of the links and what
+    gives beside the joints are unknown. Writes `modes.json`.
 
     Args:
         cell: the robot, with its tool's mass and centre of gravity.
@@ -82,6 +93,7 @@ def modes(
         tool_stiffness_n_um: of that mode at the cutter's tip, a number of N/um.
         band_hz: of the responses that are fitted.
         response_relative_u: ratio of standard uncertainty to size of a line of a response.
+        as_built_u: factor on the standard uncertainties of what else is unknown (docs/stiffness.md); 0: as stated.
         joints_deg: the posture whose modes are listed.
         part: whose tests they are, for the file and the page.
 
@@ -117,7 +129,7 @@ def modes(
         found, tests = begun, None
     else:
         tests = read_tap_tests(taps, cell.flange_from_cutter[:3, 3], band_hz)
-        found = fitted(cell.chain, begun, tests, response_relative_u)
+        found = fitted(cell.chain, begun, tests, response_relative_u, as_built_u)
     joints = np.array([joints_deg], float) * DEG
     who = UNKNOWN_PART.with_names(part)
     shown = at_posture(cell, found, joints)
@@ -133,9 +145,12 @@ def at_posture(cell: Cell, modes: RobotModes, joints: Float) -> Dynamics:
 class _Taps:
     """The estimator's instrument: logarithms of compliances, whose noise is even; by the logarithms of parameters."""
 
-    def __init__(self, chain: Chain, start: RobotModes, tests: TapTests, relative_u: float, prior: Float) -> None:
-        """`prior`: standard uncertainties (18,)."""
-        self.chain, self.start, self.tests, self.relative_u, self.prior = chain, start, tests, relative_u, prior
+    def __init__(
+        self, chain: Chain, start: RobotModes, tests: TapTests, relative_u: float, prior: Float, as_built_u: float
+    ) -> None:
+        """`prior`: standard uncertainties (18,); as_built_u: likewise of all other unknowns, in units of each."""
+        self.chain, self.start, self.tests, self.relative_u = chain, start, tests, relative_u
+        self.prior = np.append(prior, np.full(UNKNOWNS - JOINTS, max(as_built_u, LEAST)))
         flange = forward_kinematics(chain, tests.joints)[:, :3, :3]
         turn = np.where(tests.in_flange[:, None, None], flange, np.eye(3))
         linear = np.array([jacobian(chain, q, at)[:3] for q, at in zip(tests.joints, tests.point_mm, strict=True)]) / MM
@@ -144,25 +159,46 @@ class _Taps:
         # of the response's and the force's direction (n, 2, 6), m/rad
         self.slopes = np.einsum("nar,nri->nai", inside, linear[tests.posture])
 
+    def robot(self, at: Float) -> RobotModes:
+        """With the parameters (47,) of its joints and links."""
+        now = self.start.moved(at[:JOINTS])
+        return replace(now, bodies=_laid(now.bodies, at[JOINTS:LAYOUT]))
+
     def compliance(self, at: Float) -> tuple[AnyArray, AnyArray]:
-        """Complex (n,), m/N, and its derivative by the logarithms of the parameters (n, 18)."""
-        now = self.start.moved(at)
+        """Complex (n,), m/N, and its derivative by the parameters of joints and links (n, 42)."""
+        now = self.robot(at)
         parts = mass_matrices(self.chain, now.bodies, self.tests.joints)
         mass = parts.sum(axis=0)[self.tests.posture]
         w = (2 * np.pi * self.tests.hz)[:, None]
         whole = -(w[..., None] ** 2) * mass + np.diag(now.nm_per_rad) + 1j * w[..., None] * np.diag(now.damping)
         moved = np.linalg.solve(whole, np.swapaxes(self.slopes, 1, 2).astype(complex))  # (n, 6, 2)
         to, by = moved[..., 0], moved[..., 1]
-        by_mass = (
-            np.stack([np.einsum("ni,nij,nj->n", to, part[self.tests.posture], by) for part in parts], axis=1) * w**2
+        by_mass, by_links = (
+            np.stack([np.einsum("ni,nij,nj->n", to, part[self.tests.posture], by) for part in every], axis=1) * w**2
+            for every in (parts, self._by_links(now, parts))
         )
-        change = np.concatenate([-now.nm_per_rad * to * by, by_mass, -1j * w * now.damping * to * by], axis=1)
-        return np.einsum("ni,ni->n", self.slopes[:, 0], by), change
+        change = (-now.nm_per_rad * to * by, by_mass, -1j * w * now.damping * to * by, by_links)
+        return np.einsum("ni,ni->n", self.slopes[:, 0], by), np.concatenate(change, axis=1)
+
+    def _by_links(self, now: RobotModes, parts: Float) -> Float:
+        """Derivatives (24, p, 6, 6) of the links' mass matrices `parts` (6, p, 6, 6) by their centres and inertias."""
+        changes = []
+        for k in range(4):  # a centre's three ways, for all links at once, and the inertias
+            step = np.zeros(LAYOUT - JOINTS)
+            step[k:18:3] = STEP if k < 3 else 0.0
+            step[18:] = STEP if k == 3 else 0.0
+            changes.append((mass_matrices(self.chain, _laid(now.bodies, step), self.tests.joints) - parts) / STEP)
+        return np.concatenate([np.stack(changes[:3], axis=1).reshape(-1, *parts.shape[1:]), changes[3]])
 
     def rows(self, at: Float) -> estimator.Rows:
+        tests = self.tests
         value, change = self.compliance(at)
-        off, slope = np.log(self.tests.value / value), change / value[:, None]
-        size = np.abs(self.tests.value)
+        local, delay = LOCAL_U_M_N * tests.to * tests.by, -2j * np.pi * tests.hz * DELAY_U_S
+        value = value + local @ at[LAYOUT : LAYOUT + 3]
+        heard = np.column_stack([np.full(len(value), GAIN_U), delay])
+        off = np.log(tests.value / value) - heard @ at[LAYOUT + 3 :]
+        slope = np.concatenate([np.column_stack([change, local]) / value[:, None], heard], axis=1)
+        size = np.abs(tests.value)
         u2 = self.relative_u**2 + (FLOOR * np.median(size) * self.relative_u / size) ** 2
         return estimator.Rows(
             residual=np.stack([off.real, off.imag], axis=1),
@@ -177,8 +213,16 @@ class _Taps:
         return np.asarray(np.clip(at + step, -4.0, 4.0))
 
 
-def fitted(chain: Chain, start: RobotModes, tests: TapTests, relative_u: float) -> RobotModes:
-    """Stiffness, masses and joint dampers fitted to tap tests.
+def _laid(bodies: Bodies, unknowns: Float) -> Bodies:
+    """With other centres and inertias of the links, by unknowns (24,)."""
+    centre = bodies.centre_mm + CENTRE_U_MM * unknowns[:18].reshape(6, 3)
+    return replace(
+        bodies, centre_mm=centre, inertia_kg_m2=bodies.inertia_kg_m2 * np.exp(INERTIA_U * unknowns[18:])[:, None, None]
+    )
+
+
+def fitted(chain: Chain, start: RobotModes, tests: TapTests, relative_u: float, as_built_u: float = 1.0) -> RobotModes:
+    """Stiffness, masses and joint dampers fitted to tap tests; as_built_u: times the priors of all else.
 
     Raises:
         InputError: the model does not fit the responses; stiffness that contradicts the stated one.
@@ -189,10 +233,11 @@ def fitted(chain: Chain, start: RobotModes, tests: TapTests, relative_u: float) 
     begun = replace(start, damping=dampers, covariance=np.zeros((18, 18)))
     u = np.sqrt(np.diag(start.covariance))
     prior = np.concatenate([u[:12], np.full(6, FLAT)])
-    calm = _Taps(chain, begun, tests, 10 * relative_u, prior)  # far from the answer, resonances mislead
+    calm = _Taps(chain, begun, tests, 10 * relative_u, prior, as_built_u)  # far from the answer, resonances mislead
     _check_scale(calm, tests)
-    near = estimator.fit(calm, np.zeros(18))
-    found = estimator.fit(_Taps(chain, begun, tests, relative_u, prior), near.at)
+    near = estimator.fit(calm, np.zeros(UNKNOWNS))
+    taps = _Taps(chain, begun, tests, relative_u, prior, as_built_u)
+    found = estimator.fit(taps, near.at)
     if not np.isfinite(found.chi2) or found.misfit > TOO_MUCH:
         raise InputError(
             tests.source,
@@ -207,16 +252,21 @@ def fitted(chain: Chain, start: RobotModes, tests: TapTests, relative_u: float) 
             f"the responses ask for {np.exp(change[worst]):.2f} times the stated stiffness of joint {worst + 1}, "
             f"{abs(change[worst]) / known[worst]:.0f} u: another robot or load, or a wrong unit?",
         )
-    made = begun.moved(found.at)
     notes: tuple[str, ...] = (f"{tests.left_out} lines of too low a coherence left out",) if tests.left_out else ()
     if len(tests.joints) < 3:
         notes += (f"{len(tests.joints)} postures only: masses and dampers are told apart by three or more",)
-    return replace(made, covariance=found.covariance, declared=(), misfit=found.misfit, warnings=notes)
+    return replace(
+        taps.robot(found.at),
+        covariance=found.covariance[:JOINTS, :JOINTS],
+        declared=(),
+        misfit=found.misfit,
+        warnings=notes,
+    )
 
 
 def _check_scale(taps: _Taps, tests: TapTests) -> None:
     """Refuse responses in other units: their size below the resonances is known from the stiffness."""
-    value, _ = taps.compliance(np.zeros(18))
+    value, _ = taps.compliance(np.zeros(UNKNOWNS))
     ratio = float(np.exp(np.median(np.log(np.abs(tests.value) / np.abs(value)))))
     for scale, words in SCALES.items():
         if abs(np.log(ratio / scale)) < 0.5 * abs(np.log(scale)) and abs(np.log(ratio)) > np.log(4.0):

@@ -20,11 +20,13 @@ from bench.calibration.arm import (
     POSE_MM,
     RADIUS_MM,
     TRUE,
+    Arm,
     draw,
     flange,
     one_sphere,
     one_tracked,
     sphere,
+    tracked,
 )
 from bench.calibration.sphere_truth import circles_of
 from tests.plugins.calibration.conftest import edited
@@ -39,9 +41,11 @@ from workbench.api import (
 from workbench.plugins.calibration import circles
 from workbench.plugins.calibration import robot as robot_stage
 from workbench.plugins.calibration import tracker as tracker_stage
+from workbench.plugins.calibration.arm_errors import arm_errors
 from workbench.plugins.calibration.model import Estimate, Noise, View
 from workbench.plugins.calibration.observations import from_arrays
 from workbench.plugins.calibration.robot import as_flange_errors, together
+from workbench.robot import read_cell
 from workbench.scan import read, read_hand_eye
 
 DATA = Path(__file__).parents[3] / "data" / "calibration"
@@ -57,19 +61,19 @@ def changed_readings(folder: Path, change: Any) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    "change",
     [
-        (lambda v: np.r_[v[:6], v[6:] / 25.4], "the rows contradict each other"),
-        (lambda v: np.r_[v[:6], v[6:] * [1, -1, 1]], "from where such a robot would put them"),
-        (lambda v: np.r_[np.radians(v[:6]), v[6:]], "from where such a robot would put them"),
-        (lambda v: np.r_[v[:6] * [1, 1, -1, 1, 1, 1], v[6:]], "from where such a robot would put them"),
-        (lambda v: np.r_[v[[0, 1, 2, 5, 4, 3]], v[6:]], "from where such a robot would put them"),
-        (lambda v: np.r_[v[:2], v[2] + v[1], v[3:]], "from where such a robot would put them"),
+        lambda v: np.r_[v[:6], v[6:] / 25.4],
+        lambda v: np.r_[v[:6], v[6:] * [1, -1, 1]],
+        lambda v: np.r_[np.radians(v[:6]), v[6:]],
+        lambda v: np.r_[v[:6] * [1, 1, -1, 1, 1, 1], v[6:]],
+        lambda v: np.r_[v[[0, 1, 2, 5, 4, 3]], v[6:]],
+        lambda v: np.r_[v[:2], v[2] + v[1], v[3:]],
     ],
     ids=["inches", "mirrored", "radians", "sign of joint 3", "order of joints", "coupled joints"],
 )
-def test_readings_of_no_such_robot_are_refused(tmp_path: Path, change: Any, words: str) -> None:
-    with pytest.raises(InputError, match=words):
+def test_readings_of_no_such_robot_are_refused(tmp_path: Path, change: Any) -> None:
+    with pytest.raises(InputError, match="in the URDF's order and senses"):
         tracker_stage(readings=changed_readings(tmp_path, change), cell=CELL)
 
 
@@ -96,6 +100,33 @@ def test_postures_that_a_robot_comes_back_to_count_once(tmp_path: Path) -> None:
     assert all(often[name] > 0.7 * once[name] for name in once)  # a third of the readings' own noise is left
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_axes_that_are_tilted_are_in_u(tmp_path: Path, seed: int) -> None:
+    """By 0.03 deg, as arms are built: offsets and lengths were up to 18 u off, where tilts were not estimated."""
+    rng, chain = np.random.default_rng(seed), read_cell(CELL).chain
+    errors = arm_errors(chain, 0.3 * DEG, 1.0, 0.03 * DEG)
+    arm = Arm(chain, errors, rng.normal(size=len(errors)) * errors.prior)
+    joints, places, _ = tracked(rng, arm)
+    columns = [*(f"q{k}_deg" for k in range(1, 7)), "tracker_x_mm", "tracker_y_mm", "tracker_z_mm"]
+    rows = [
+        ",".join([f"t{t}", *(f"{v:.6f}" for v in (*q / DEG, *place))])
+        for q, three in zip(joints, places, strict=True)
+        for t, place in enumerate(three)
+    ]
+    path = tmp_path / "readings.csv"
+    path.write_text("\n".join([",".join(["target", *columns]), *rows, ""]))
+    found = json.loads(tracker_stage(readings=path, cell=CELL)[0].content)["parameters"]
+    true = dict(zip(errors.names, arm.x, strict=True))
+    share = [
+        (one["value_mm"] - true[one["name"]]) / one["u_mm"]
+        if "u_mm" in one
+        else (one["value_deg"] - true[one["name"]] / DEG) / one["u_deg"]
+        for one in found
+    ]
+    assert np.abs(share).max() < 3.5
+    assert 0.5 < np.sqrt(np.mean(np.square(share))) < 1.6
+
+
 @pytest.mark.parametrize("one", [one_tracked, one_sphere])
 def test_errors_are_those_of_the_bound_and_the_stated_ones(one: Any) -> None:
     """Over a dozen robots drawn from the priors."""
@@ -116,11 +147,12 @@ def test_a_tracker_finds_the_robot_and_its_blunder() -> None:
     )
     for one in found["parameters"]:
         unit = "mm" if "u_mm" in one else "deg"
-        assert one[f"value_{unit}"] == pytest.approx(float(said[one["name"]]), abs=4 * one[f"u_{unit}"] + 1e-4)
-    undetermined = [one["name"] for one in found["parameters"] if not one["determined"]]
+        true = float(said.get(one["name"], 0.0))  # no axis is tilted
+        assert one[f"value_{unit}"] == pytest.approx(true, abs=4 * one[f"u_{unit}"] + 1e-4)
+    undetermined = [one["name"] for one in found["parameters"] if not one["determined"] and "tilt" not in one["name"]]
     assert undetermined == ["offset of joint 1", "shift of axis 2 along z", "offset of joint 6"]
     assert [name in " ".join(found["left_as_built"]) for name in undetermined] == [True] * 3
-    assert [re.search(r"u is 100 % of the prior", one) is not None for one in found["left_as_built"]] == [True] * 3
+    assert all(re.search(r"u is (99|100) % of the prior", one) for one in found["left_as_built"])
     assert found["left_out"] == [{"line": 25, "cause": found["left_out"][0]["cause"]}]
     assert "499.9" in found["left_out"][0]["cause"]
     assert found["residual_rms_mm"] < 0.07 < 4.0 < found["residual_rms_as_built_mm"]

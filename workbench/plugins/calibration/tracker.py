@@ -45,7 +45,10 @@ if TYPE_CHECKING:
     from workbench.api import Chain
 
 PLACE = ("tracker_x_mm", "tracker_y_mm", "tracker_z_mm")
-ORDERLY = "are they in mm, and in the order of the postures?"
+ORDERLY = (
+    "are joint angles in deg, in the URDF's order and senses, poses the flange's, positions in mm and right-handed, "
+    "rows in the order of the postures?"
+)
 LEAST_POSTURES = 4
 SAME_MM, SAME = 0.1, 0.02 * DEG  # between flange poses: less is the same posture, as a robot repeats it
 MOST_MM = 5.0  # that readings may lie off, RMS an axis: no robot is so badly built, as the lengths' prior says
@@ -147,7 +150,7 @@ def tracker(
     robot_noise_deg: Annotated[float, Field(ge=0, le=1)] = 0.005,
     offset_prior_deg: Annotated[float, Field(ge=0, le=5)] = 0.3,
     length_prior_mm: Annotated[float, Field(ge=0, le=20)] = 1.0,
-    tilt_prior_deg: Annotated[float, Field(ge=0, le=1)] = 0.0,
+    tilt_prior_deg: Annotated[float, Field(ge=0, le=1)] = 0.02,
     root_tolerance_mm: Annotated[float, Field(gt=0, le=10)] = 0.5,
     bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
     part: PartNames = NO_NAMES,
@@ -155,7 +158,7 @@ def tracker(
     """Register a robot to a laser tracker, and estimate its joint offsets and lengths.
 
     x = T (base_from_flange p), registration T and target p unknown; with joint angles and the cell's model also
-    offsets, lengths and, on request, tilts of axes (maximum a posteriori). Residuals above the noise enlarge the
+    offsets, lengths and tilts of axes (maximum a posteriori). Residuals above the noise enlarge the
     covariance. `robot.json`: docs/howto/calibrate_robot.md.
 
     Args:
@@ -195,8 +198,7 @@ def tracker(
         raise InputError(
             where,
             f"the readings lie {rms:.3g} mm RMS from where {'such a robot' if len(arm) else 'these poses'} would put "
-            "them: are joint angles in deg, in the URDF's order and senses, poses the flange's, positions in mm and "
-            "right-handed, rows in the order of the postures?",
+            f"them: {ORDERLY}",
         )
     check_misfit(found, labels)
     built = estimator.fit(

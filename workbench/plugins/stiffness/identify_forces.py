@@ -39,8 +39,17 @@ SPEED_SHARE = 0.02  # by which the speed found may differ from the one stated
 CHATTER_SHARE = 0.1  # of the strongest line's power, between the harmonics of the spindle
 ROUNDS = 3  # of run-out and coefficients, which hang on each other
 MUCH = 10.0  # times the power, beyond which one line is not another's neighbour by chance
+DOWN = np.array([1.0, -1.0, 1.0])  # x, y, z of down-milling over those of up-milling
 BELOW = 5.0  # standard uncertainties, by which an edge coefficient may lie below zero
 CLIPPED = 3  # samples in a row on the channel's very extreme
+SCALE_U, GAIN_U = 0.02, 0.01  # of dynamometer and depths of cut together; of each axis against the others
+ZERO_U_N, WEAR_U = 0.5, 0.02  # of a recording: its zero, along each axis; the share of its edge forces
+RUNOUT_U = 0.5  # of what run-out takes, over it
+LEAST = 1e-3  # of the stated ones, for a set-up that is exactly as stated
+NOT_INCLUDED = (
+    "another edge, other cutting speeds, wear of more than some per cent from recording to recording",
+    "feeds other than stated: 1 % of an override changes the cutting coefficients by 1 %",
+)
 Positive = Annotated[float, Field(gt=0, le=1e5)]
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 
@@ -86,6 +95,7 @@ def identify_forces(
     bandwidth_hz: Annotated[float, Field(gt=0, le=1e5)] = 450.0,
     rate_hz: Annotated[float | None, Field(gt=0, le=1e7)] = None,
     helix_deg: Annotated[float, Field(ge=0, le=60)] = 30.0,
+    as_built_u: Annotated[float, Field(ge=0, le=10)] = 1.0,
 ) -> tuple[Document, Chapter]:
     """Cutting and edge coefficients from the mean forces of whole turns at two feeds or more (Budak et al. 1996).
 
@@ -108,6 +118,8 @@ def identify_forces(
         bandwidth_hz: of the dynamometer's flat response; nothing above it is used.
         rate_hz: of tables without time_s.
         helix_deg: of the cutter, right-hand; affects only the run-out.
+        as_built_u: factor on the standard uncertainties of gains, depths, zeros and wear (docs/stiffness.md); 0: all
+            are as stated.
 
     Raises:
         InputError: one feed, fewer than 20 whole turns, a saturated channel, chatter, another speed or number of
@@ -136,11 +148,11 @@ def identify_forces(
     recorded = [_recorded(path, read_forces(path, rate_hz), cut) for path in recordings]
     per_tooth = np.array([f / (one.rpm * flutes) for f, one in zip(feeds_mm_min, recorded, strict=True)])
     none = np.zeros((len(recorded), 3))
-    tried = [_fitted(recorded, per_tooth, cut, turn, none) for turn in _turns(axes)]
+    tried = [_fitted(recorded, per_tooth, cut, turn, none, as_built_u) for turn in _turns(axes)]
     chosen = _chosen(tried, recorded, axes is not None)
     for _ in range(ROUNDS):
         runout = _run_out(chosen, recorded, per_tooth, cut, np.radians(helix_deg))
-        chosen = _fitted(recorded, per_tooth, cut, chosen.turn, runout.lost_n)
+        chosen = _fitted(recorded, per_tooth, cut, chosen.turn, runout.lost_n, as_built_u)
     found = Identified(material, tool, cut, tuple(recorded), per_tooth, tuple(tried), chosen, runout)
     return Document(CoefficientsFile.NAME, _document(found)), _chapter(found)
 
@@ -292,31 +304,46 @@ def mean_matrix(cut: Cutting, per_tooth_mm: float) -> Float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Means:
-    """The estimator's instrument: mean forces, linear in the coefficients."""
+    """The estimator's instrument: mean forces by six coefficients, and what of a set-up is not as stated.
+
+    These are unknowns in units of their u: scale, the axes' gains (3), what run-out takes, the zero of each recording
+    along each axis (3 n) and the wear of its edges (n).
+    """
 
     mean_n: Shaped[Float, "n 3"]
     covariance: Shaped[Float, "n 3 3"]
     matrix: Shaped[Float, "n 3 6"]
+    lost_n: Shaped[Float, "n 3"]  # what run-out takes from the means
+    as_built_u: float  # standard uncertainty of all but the run-out's unknown
 
     def rows(self, at: Float) -> estimator.Rows:
-        left = self.mean_n - self.matrix @ at
-        return estimator.Rows(
-            left, self.matrix, self.covariance, np.full(len(left), 3.0), np.zeros((6, 6)), np.zeros(6)
-        )
+        n, each = len(self.matrix), self.matrix * at[:6]
+        ideal, every = each.sum(axis=2), np.eye(3 * n).reshape(n, 3, 3 * n)
+        worn = np.eye(n)[:, None] * (WEAR_U * each[..., 3:].sum(axis=2))[..., None]
+        causes = (SCALE_U * ideal[..., None], GAIN_U * ideal[..., None] * np.eye(3), RUNOUT_U * self.lost_n[..., None])
+        slope = np.concatenate([*causes, ZERO_U_N * every, worn], axis=2)
+        u = np.full(slope.shape[2], max(self.as_built_u, LEAST))
+        u[4] = 1.0
+        left = self.mean_n - self.lost_n - ideal - slope @ at[6:]
+        prior, away = np.diag(np.append(np.zeros(6), u**-2.0)), np.append(np.zeros(6), -at[6:])
+        jacobian = np.concatenate([self.matrix, slope], axis=2)
+        return estimator.Rows(left, jacobian, self.covariance, np.full(n, 3.0), prior, away)
 
     def moved(self, at: Float, step: Float) -> Float:
         return np.asarray(at + step)
 
 
-def _fitted(recorded: Sequence[Recorded], per_tooth: Float, cut: Cutting, turn: Float, lost_n: Float) -> Tried:
-    """Coefficients of the mean forces; `lost_n` (n, 3) is what run-out takes from them, known to a half of itself."""
+def _fitted(
+    recorded: Sequence[Recorded], per_tooth: Float, cut: Cutting, turn: Float, lost_n: Float, as_built_u: float
+) -> Tried:
+    """Coefficients of the mean forces; `lost_n` (n, 3) is what run-out takes from them."""
     matrix = np.array([mean_matrix(cut, c) for c in per_tooth])
-    mean = np.array([turn @ one.mean_n for one in recorded]) - lost_n
+    mean = np.array([turn @ one.mean_n for one in recorded])
     covariance = np.array([turn @ one.covariance @ turn.T for one in recorded])
-    found = estimator.fit(_Means(mean, covariance, matrix), np.zeros(6))
-    by_runout = found.carried(0.5 * lost_n[..., None])
-    covariance = found.covariance + by_runout @ by_runout.T
-    return Tried(turn, found.at, covariance, found.misfit if found.freedom > 0 else None, found.rows.residual)
+    means = _Means(mean, covariance, matrix, lost_n, as_built_u)
+    found = estimator.fit(means, np.zeros(11 + 4 * len(recorded)))
+    misfit = found.misfit if found.freedom > 0 else None
+    return Tried(turn, found.at[:6], found.covariance[:6, :6], misfit, found.rows.residual)
 
 
 def _chosen(tried: Sequence[Tried], recorded: Sequence[Recorded], stated: bool) -> Tried:
@@ -349,25 +376,29 @@ class RunOut(NamedTuple):
 
 
 def _run_out(tried: Tried, recorded: Sequence[Recorded], per_tooth: Float, cut: Cutting, helix: float) -> RunOut:
-    """The least run-out that makes the lines; none of one flute, and of a partial cut none is looked for."""
-    if cut.cutter.flutes < 2 or cut.angles != (0.0, np.pi):
+    """The least run-out that makes the lines; none of one flute."""
+    if cut.cutter.flutes < 2:
         return RunOut(0.0, np.zeros((len(recorded), 3)))
-    of = CuttingCoefficients(*tried.values)
+    # down-milling is up-milling with forces towards the axis, and those along the feed, the other way
+    down = cut.angles[0] > 0.0
+    of = CuttingCoefficients(*(tried.values * np.where(down, [1, -1, 1, 1, -1, 1], 1.0)))
+    radial_mm = cut.cutter.diameter_mm / 2 * (1.0 - np.cos(cut.angles[1] - cut.angles[0]))
 
     def through(c: float, size: float, angle: float) -> Float:
-        feed, radial, axial = (np.array([one]) for one in (c, cut.cutter.diameter_mm, cut.axial_mm))
-        return np.asarray(milling_force(of, cut.cutter, feed, radial, axial, Teeth(helix, size, angle))[0, :, :3])
+        feed, radial, axial = (np.array([one]) for one in (c, radial_mm, cut.axial_mm))
+        turn = milling_force(of, cut.cutter, feed, radial, axial, Teeth(helix, size, angle))[0, :, :3]
+        return np.asarray(turn * np.where(down, DOWN, 1.0))
 
     def line(c: float, size: float, angle: float) -> float:
         turn = through(c, size, angle)
         lines = np.fft.fft(turn[:, 0] + 1j * turn[:, 1]) / len(turn)
         return float(np.hypot(abs(lines[1]), abs(lines[-1])))
 
-    small = 0.1 * float(per_tooth.min())
+    size = 0.1 * float(per_tooth.min())
     angles = np.linspace(0, np.pi, 13)[:-1]
-    worst = float(angles[int(np.argmax([line(float(per_tooth[0]), small, float(one)) for one in angles]))])
-    shares = [one.once_n / line(c, small, worst) for one, c in zip(recorded, per_tooth, strict=True)]
-    size = small * float(np.mean(shares))
+    worst = float(angles[int(np.argmax([line(float(per_tooth[0]), size, float(one)) for one in angles]))])
+    for _ in range(ROUNDS):  # a tooth that no longer cuts everywhere makes a line that is not in proportion
+        size *= float(np.mean([one.once_n / line(c, size, worst) for one, c in zip(recorded, per_tooth, strict=True)]))
     lost_n = [(through(c, size, worst) - through(c, 0.0, worst)).mean(axis=0) for c in per_tooth]
     return RunOut(size, np.array(lost_n))
 
@@ -383,21 +414,6 @@ class Identified(NamedTuple):
     tried: tuple[Tried, ...]
     chosen: Tried
     runout: RunOut
-
-    @property
-    def not_included(self) -> list[str]:
-        """What the file cannot know, and how much it may cost."""
-        ktc, _, _, kte, *_ = self.chosen.values
-        inverse = np.linalg.pinv(np.concatenate([mean_matrix(self.cut, c) for c in self.per_tooth]))
-        offset = np.abs(inverse @ np.tile([1.0, 0, 0], len(self.per_tooth)))
-        return [
-            f"the dynamometer's scale: 1 % of gain is 1 % of every coefficient ({0.01 * ktc:.1f} N/mm2 of K_tc), "
-            f"{0.01 * ktc / np.sqrt(self.chosen.covariance[0, 0]):.1f} u of it",
-            f"drift and zero of the charge amplifier: 1 N in all recordings changes K_te by {offset[3]:.2f} N/mm "
-            f"({100 * offset[3] / max(abs(kte), 1e-9):.0f} %) and no K_c",
-            "depths of cut: 1 % of the axial depth is 1 % of every coefficient",
-            "wear and other cutting speeds: the coefficients are those of this edge at this speed",
-        ]
 
 
 def _document(found: Identified) -> bytes:
@@ -431,7 +447,7 @@ def _document(found: Identified) -> bytes:
                 for one, c, left in zip(found.recorded, found.per_tooth, found.chosen.left_n, strict=True)
             ],
             "bandwidth_hz": found.cut.bandwidth_hz,
-            "not_included": found.not_included,
+            "not_included": NOT_INCLUDED,
         }
     )
 
@@ -462,6 +478,6 @@ def _chapter(found: Identified) -> Chapter:
             + ("none, as many coefficients as means" if misfit is None else f"{misfit:.2f} (1 is usual)")
             + f". Run-out by the once-per-turn line: at least {found.runout.mm:.4f} mm."
         )
-        + pieces.list_html([f"Not included: {one}" for one in found.not_included])
+        + pieces.list_html([f"Not included: {one}" for one in NOT_INCLUDED])
     )
     return Chapter("Cutting coefficients", text, summary=summary)

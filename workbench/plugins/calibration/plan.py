@@ -38,6 +38,7 @@ from workbench.plugins.calibration.tables import POSE as POSE_COLUMNS
 from workbench.plugins.calibration.values import Calibration, PosturePlan, SphereProfiles
 from workbench.plugins.calibration.verdicts import rescaled, sensor_of
 from workbench.plugins.csv_table import csv_bytes
+from workbench.plugins.design import chosen
 
 EXCHANGES = 4  # rounds over the chosen postures
 AT_LIMIT = 0.6  # share of candidates that lie on a limit, where the best ones are
@@ -119,24 +120,12 @@ def determinant(information: Float) -> Float:
 
 def chosen_postures(gain: Float, start: Float, count: int) -> Int:
     """Indices (count,) of the postures that together add most to `start` (10, 10), the most useful first."""
-    chosen = _in_order(gain, start, count)
-    for _ in range(EXCHANGES):
-        previous = list(chosen)
-        for i in range(count):
-            others = chosen[:i] + chosen[i + 1 :]
-            chosen[i] = _best(gain, start, others)
-        if chosen == previous:
-            break
-    found = np.array(chosen)
-    return np.asarray(found[_in_order(gain[found], start, count)])
 
+    def of(gain: Float, exchanges: int) -> list[int]:
+        return chosen(lambda taken: _best(gain, start, taken), lambda taken: len(taken) == count, exchanges)
 
-def _in_order(gain: Float, start: Float, count: int) -> list[int]:
-    """The most useful one, and so many next ones beside those before."""
-    chosen: list[int] = []
-    for _ in range(count):
-        chosen.append(_best(gain, start, chosen))
-    return chosen
+    found = np.array(of(gain, EXCHANGES))
+    return np.asarray(found[of(gain[found], 0)])
 
 
 def _best(gain: Float, start: Float, taken: list[int]) -> int:
@@ -208,14 +197,14 @@ def plan(
         reached = _reached(cell, flange)
         flange, centre = flange[reached], centre[reached]
     gain = information_gains(flange, centre, estimate, noise, optics)
-    chosen = chosen_postures(gain, known, postures)
+    which = chosen_postures(gain, known, postures)
     weight = volume_weight(estimate.rotation, calibration.view)
-    totals = known + np.concatenate([np.zeros((1, 10, 10)), np.cumsum(gain[chosen], axis=0)])
+    totals = known + np.concatenate([np.zeros((1, 10, 10)), np.cumsum(gain[which], axis=0)])
     volume = np.sqrt(np.einsum("ij,kji->k", weight, np.linalg.inv(totals)[:, :POSE, :POSE]))
     scale = calibration.volume_u_mm / volume[0]  # the model tells gains; where the calibration stands, it says itself
     found = PosturePlan(
-        base_from_flange=frozen(flange[chosen]),
-        centre_mm=frozen(centre[chosen]),
+        base_from_flange=frozen(flange[which]),
+        centre_mm=frozen(centre[which]),
         volume_u_mm=frozen(scale * volume),
         middle_mm=limits.middle_mm,
         half_mm=limits.half_mm,

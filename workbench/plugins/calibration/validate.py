@@ -57,12 +57,11 @@ def each_held_out(estimate: Estimate, seen: Observations, noise: Noise, source: 
 def _predicted(fitted: estimator.Fit[Estimate], out: Observations, noise: Noise) -> HeldOut:
     """Held-out postures by a fit to others; chi-square with all correlations."""
     rows, spread = Sphere(out, noise).rows(fitted.at), fitted.inverse
-    joined = rows.product(np.concatenate([rows.jacobian, rows.residual[..., None]], axis=2))
-    matrix, side = joined[:-1, :-1], joined[:-1, -1]
-    chi2 = joined[-1, -1] - side @ np.linalg.solve(np.linalg.inv(spread) + matrix, side)  # Woodbury's identity
+    normal = replace(rows, prior=fitted.information, away=0.0 * rows.away).normal()  # the others are what is known
+    chi2 = normal.chi2 - float(normal.side @ normal.step())
     covariance = rows.covariance + rows.jacobian @ spread @ np.swapaxes(rows.jacobian, 1, 2)
     y_mm = linearise(fitted.at, out, noise).centre[:, 1]
-    return HeldOut(rows.residual, covariance, y_mm, float(chi2), rows.residual.size)
+    return HeldOut(rows.residual, covariance, y_mm, chi2, rows.residual.size)
 
 
 def second_recording(

@@ -24,6 +24,7 @@ from workbench.api import (
     stage,
     within_limits,
 )
+from workbench.plugins import design
 from workbench.plugins.csv_table import csv_bytes
 from workbench.plugins.stiffness.beyond_springs import promised
 from workbench.plugins.stiffness.elastic import wrench_at
@@ -261,16 +262,11 @@ def choose(information: Float, postures: int, pairs: int, target_u: float) -> li
 
 def _chosen(information: Float, owner: Int, most: int, wanted: int, target_u: float) -> list[int]:
     """`wanted` of n with information (n, 6, 6), or so many as reach the target; `most` of each owner (n,)."""
-    chosen: list[int] = []
-    while len(chosen) < wanted and _falls_short(information[chosen], target_u):
-        chosen.append(_best(information, owner, most, chosen))
-    for _ in range(2):
-        before = list(chosen)
-        for i in range(len(chosen)):
-            chosen[i] = _best(information, owner, most, chosen[:i] + chosen[i + 1 :])
-        if chosen == before:
-            break
-    return chosen
+
+    def enough(taken: list[int]) -> bool:
+        return len(taken) >= wanted or not _falls_short(information[taken], target_u)
+
+    return design.chosen(lambda taken: _best(information, owner, most, taken), enough, 2)
 
 
 def _falls_short(information: Float, target_u: float) -> bool:

@@ -153,7 +153,7 @@ def identify_forces(
     for _ in range(ROUNDS):
         runout = _run_out(chosen, recorded, per_tooth, cut, np.radians(helix_deg))
         chosen = _fitted(recorded, per_tooth, cut, chosen.turn, runout.lost_n, as_built_u)
-    found = Identified(material, tool, cut, tuple(recorded), per_tooth, tuple(tried), chosen, runout)
+    found = Identified(material, tool, cut, tuple(recorded), per_tooth, len(tried), chosen, runout)
     return Document(CoefficientsFile.NAME, _document(found)), _chapter(found)
 
 
@@ -411,7 +411,7 @@ class Identified(NamedTuple):
     cut: Cutting
     recorded: tuple[Recorded, ...]
     per_tooth: Float
-    tried: tuple[Tried, ...]
+    tried: int  # ways of the axes
     chosen: Tried
     runout: RunOut
 
@@ -429,9 +429,6 @@ def _document(found: Identified) -> bytes:
             "covariance": chosen.covariance,
             "misfit": chosen.misfit,
             "axes": chosen.words,
-            "axes_tried": [
-                {"axes": one.words, **dict(zip(NAMES[:3], one.values[:3], strict=True))} for one in found.tried
-            ],
             "least_runout_mm": found.runout.mm,
             "recordings": [
                 {
@@ -474,7 +471,7 @@ def _chapter(found: Identified) -> Chapter:
         pieces.table_html(("Coefficient", "Value ± U", "Unit"), rows)
         + pieces.columns_html(of)
         + pieces.paragraph(
-            f"Dynamometer's axes, as the cutter has them: {found.chosen.words} ({len(found.tried)} tried). Misfit: "
+            f"Dynamometer's axes, as the cutter has them: {found.chosen.words} ({found.tried} tried). Misfit: "
             + ("none, as many coefficients as means" if misfit is None else f"{misfit:.2f} (1 is usual)")
             + f". Run-out by the once-per-turn line: at least {found.runout.mm:.4f} mm."
         )

@@ -173,22 +173,13 @@ class _Taps:
         whole = -(w[..., None] ** 2) * mass + np.diag(now.nm_per_rad) + 1j * w[..., None] * np.diag(now.damping)
         moved = np.linalg.solve(whole, np.swapaxes(self.slopes, 1, 2).astype(complex))  # (n, 6, 2)
         to, by = moved[..., 0], moved[..., 1]
-        by_mass, by_links = (
-            np.stack([np.einsum("ni,nij,nj->n", to, part[self.tests.posture], by) for part in every], axis=1) * w**2
-            for every in (parts, self._by_links(now, parts))
-        )
+        steps = STEP * np.eye(LAYOUT - JOINTS)
+        other = [mass_matrices(self.chain, _laid(now.bodies, one), self.tests.joints) for one in steps]
+        every = [*parts, *((one - parts).sum(axis=0) / STEP for one in other)]
+        moves = [w[:, 0] ** 2 * np.einsum("ni,nij,nj->n", to, part[self.tests.posture], by) for part in every]
+        by_mass, by_links = np.split(np.stack(moves, axis=1), [6], axis=1)
         change = (-now.nm_per_rad * to * by, by_mass, -1j * w * now.damping * to * by, by_links)
         return np.einsum("ni,ni->n", self.slopes[:, 0], by), np.concatenate(change, axis=1)
-
-    def _by_links(self, now: RobotModes, parts: Float) -> Float:
-        """Derivatives (24, p, 6, 6) of the links' mass matrices `parts` (6, p, 6, 6) by their centres and inertias."""
-        changes = []
-        for k in range(4):  # a centre's three ways, for all links at once, and the inertias
-            step = np.zeros(LAYOUT - JOINTS)
-            step[k:18:3] = STEP if k < 3 else 0.0
-            step[18:] = STEP if k == 3 else 0.0
-            changes.append((mass_matrices(self.chain, _laid(now.bodies, step), self.tests.joints) - parts) / STEP)
-        return np.concatenate([np.stack(changes[:3], axis=1).reshape(-1, *parts.shape[1:]), changes[3]])
 
     def rows(self, at: Float) -> estimator.Rows:
         tests = self.tests

@@ -77,7 +77,8 @@ GROUPS = {
     "raw_undeclared": Group(
         "the same recordings, nothing said of the robot", "raw", {"robot_noise_mm": None, "robot_noise_length_mm": None}
     ),
-    "groove": Group("grooves: gap and depth", "groove", {}),
+    "groove": Group("grooves: gap and depth, declared sharp", "groove", {"edge_condition": "sharp"}),
+    "groove_undeclared": Group("the same recordings, nothing declared", "groove", {}),
     "hand_eye": Group("calibration spheres: the profiler's pose on the flange", "sphere", {}),
 }
 

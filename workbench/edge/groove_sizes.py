@@ -11,11 +11,13 @@ import numpy as np
 import scipy
 
 from workbench.artefacts import Corner, Quantity
+from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.fillet import FORM_U_MM
 from workbench.edge.groove_plates import SHOWS, UNSEEN, Plate
 from workbench.edge.groove_profile import BELOW_MM
 from workbench.edge.joint_lines import LEAST_FRAMES, Along, JointLines, Place, Values, corners, hidden, typical
 from workbench.edge.residual_image import Linearity, forms
+from workbench.edge.root_end import RootView, beyond
 from workbench.edge.steps import own_places, readings
 from workbench.geometry.course import fit_course
 from workbench.geometry.silhouette import Ends, find_end
@@ -25,9 +27,6 @@ LEAST_DEPTH_MM = 4.0  # of a groove whose faces are not seen, for judging the le
 # Of a column's step: where in it a return is lost depends on the sensor and on what lies behind; less where the last
 # returns tell how a column sees an end.
 STEP_SHARE, SEEN_SHARE = 0.3, 0.12
-# Of the stretch over which columns see an end in part: how far beyond the end the last return's middle may lie. By the
-# fill f from which on a column returns (1 - 2 f) / (2 - 2 f); half of all sensors ask for half a column (`broken_end`).
-CUT_OFF, CUT_OFF_U = 0.17, 0.19
 MOST_MIXED = 2.0  # columns by which a last return that sees an end in part is off its face's line
 JOINED_STEPS = 3.0  # by which last returns of two plates differ in level where these meet
 JOINED_SHARE = 1.0  # where the other plate's returns follow at once: the last one or two may be of either
@@ -94,9 +93,15 @@ class GrooveSizes:
         lean: float,
         sensor: Linearity,
         hidden_columns: float = 0.0,
+        edge_condition: EdgeCondition = "unknown",
+        knife: float = 0.5,
     ) -> None:
-        """Lean: how far the range axis goes right a mm upwards; hidden_columns: standard uncertainty of all ends."""
+        """Lean: how far the range axis goes right a mm upwards; hidden_columns: standard uncertainty of all ends.
+
+        edge_condition: of the roots; knife: probability that a bevel whose root face is not seen has none.
+        """
         self.hidden_columns, self.sensor_mm = hidden_columns, sensor.rms_mm
+        self.edge_condition, self.knife = edge_condition, knife
         self.plates, self.along, self.lean = list(plates), along, lean
         self.s, self.group, self.at = along.s, along.group, along.at
         lines = [line for one in plates for line in one.lines]
@@ -290,7 +295,7 @@ class GrooveSizes:
     def _end_of(self, k: int) -> Place:
         """How far a plate's face reaches, from its upper corner."""
         one, name = self.plates[k], NAMES[k]
-        reach, step, share, beyond = self.seen.reach[name], typical(one.step), STEP_SHARE, 0.0
+        reach, step, share, off, off_u = self.seen.reach[name], typical(one.step), STEP_SHARE, 0.0, 0.0
         if one.kind == "bevel" and one.shows_root_face:
             slopes = self.joint.slopes(self._followed)[f"{name}:reach"]
             found = self.joint.course("a root face", reach, slopes, one.sigma**2)
@@ -298,11 +303,11 @@ class GrooveSizes:
         else:
             value, u = self._end(reach, one.step, one.lost[:, 0], one.sigma)
             if one.kind == "bevel":
-                beyond, share = self._seen_in_part(one, one.last - self.corner[k])
+                share, (off, off_u) = SEEN_SHARE, self._beyond(k)
         joined = self._joined(one)
         if joined is not None:
             return Place(value, u, one.sigma**2, alike_u=math.hypot(JOINED_SHARE * step, joined))
-        return Place(value - beyond * step, u, one.sigma**2, alike_u=self._column_u(share) * step)
+        return Place(value + off, u, one.sigma**2, alike_u=math.hypot(self._column_u(share) * step, off_u))
 
     def _column_u(self, share: float) -> float:
         """Standard uncertainty of an end, in columns: how a column sees it, and what columns do not show."""
@@ -360,30 +365,35 @@ class GrooveSizes:
         seen = one.shows_root_face or hidden < STEEP_DEG * DEG
         return (0.0, 0.0) if seen else (0.5 * high, high * math.tan(hidden))
 
-    def _seen_in_part(self, one: Plate, off: Float) -> tuple[float, float]:
-        """How far columns still see a face beyond its end, in columns, and u; off (n, 2): last returns from its corner.
+    def _beyond(self, k: int) -> tuple[float, float]:
+        """How far a bevel's virtual edge lies beyond where columns end, and u, mm; of a blunted one farther.
 
-        A column of half width h that sees the end y short of its middle returns the middle of what it sees, (h - y) / 2
-        beside its own: a return above the line of a falling face. With ends anywhere in a column these are off by
-        L^2 / 4 columns in the mean, over L columns from the first that is not seen whole to the first that is lost.
-        A face beside one that may be too dark to be seen may need a column that sees it whole: nothing is told then.
+        A face beside one that may be too dark to be seen may need a column that sees it whole.
         """
-        if self.hides_bevels:
-            return 0.0, STEP_SHARE
-        ray = np.array([self.leans[1] if one is self.plates[0] else self.leans[0], 1.0])
-        ray /= np.linalg.norm(ray)
+        one, lean = self.plates[k], self.leans[1 - k]
+        ray = np.array([lean, 1.0]) / math.hypot(lean, 1.0)
         along, up = np.cos(one.lines[-1].angle), np.sin(one.lines[-1].angle)
+        off = one.last - self.corner[k]
         above = along * off[:, 1] - up * off[:, 0]
         sine, cosine = np.abs(along * ray[0] + up * ray[1]), np.abs(along * ray[1] - up * ray[0])
         column = one.step * sine * cosine
         mixed = above / column
         told = mixed[np.abs(mixed) < MOST_MIXED]
-        if told.size < LEAST_FRAMES:
-            return 0.0, STEP_SHARE
-        form = self.joint.forms[1 if one is self.plates[0] else -1]
-        doubt = math.hypot(float(told.std()) / math.sqrt(told.size), typical(form.offset_u_mm) / typical(column))
-        least, most = (2.0 * math.sqrt(max(float(told.mean()) + by, 0.0)) for by in (-doubt, doubt))
-        return CUT_OFF * least, math.hypot(SEEN_SHARE, CUT_OFF_U * most)
+        mean, doubt, fall = math.nan, math.nan, typical(one.fall)
+        if told.size >= LEAST_FRAMES:
+            form = self.joint.forms[1 if k == 0 else -1]
+            mean = float(told.mean()) * typical(column)
+            doubt = math.hypot(float(told.std()) / math.sqrt(told.size) * typical(column), typical(form.offset_u_mm))
+        view = RootView(
+            fall,
+            0.5 * math.pi - fall + math.atan(lean),
+            typical(one.step),
+            typical(column),
+            mean,
+            doubt,
+            not self.hides_bevels,
+        )
+        return beyond(view, self.edge_condition, self.knife)
 
     def _joined(self, one: Plate) -> float | None:
         """By how much (mm, u) the levels leave open where a root ends that the other plate's last return joins.

@@ -14,6 +14,7 @@ from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check, judged_by
 from workbench.checks.profiles import in_order
 from workbench.checks.window import hidden_columns_u
+from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.groove_frames import ReadFrames, axes, groove_curve, read_frames
 from workbench.edge.groove_plates import plates
 from workbench.edge.groove_profile import Kind
@@ -30,6 +31,7 @@ from workbench.units import AnyArray, Float, Int
 STATION_MM = 1.0
 SHADOW = "one root lies in the shadow of the other plate's: gap and depth are not told; lean the scan the other way"
 COVERED = "what lies between the plates joins their faces, a weld or a backing strip: where these end is not told"
+KNIVES = ("V", "HV")  # types whose bevels reach the plate's lower surface
 Given = Literal["auto", "I", "V", "Y", "HV", "HY", "X", "K", "U", "J"]
 
 
@@ -38,6 +40,7 @@ def segment_groove(
     cloud: Cloud,
     *,
     groove: Given = "auto",
+    edge_condition: EdgeCondition = "unknown",
     robot_noise_mm: RobotNoiseOrUsual = USUAL_NOISE_MM,
     robot_noise_length_mm: RobotNoiseLength = None,
     sensor: InputFile | None = None,
@@ -50,6 +53,8 @@ def segment_groove(
     Args:
         cloud: the organised cloud of one groove, in one or more passes from above it.
         groove: type by ISO 9692-1, or `auto`. Types that look alike from one side are all named.
+        edge_condition: as in `edge.segment`, of the roots: a bevel without root face ends in a knife edge, which is
+            blunted by as much as its prior says.
         sensor: as in `edge.segment`.
 
     Raises:
@@ -78,7 +83,16 @@ def segment_groove(
         in_order(cloud.checks),
     )
     lean = _lean(cloud, read.frame, curve, s, about - tilt.value(s))
-    measured = GrooveSizes(cloud.source, both, along, lean, declared_linearity(sensor), hidden_columns_u(cloud.checks))
+    measured = GrooveSizes(
+        cloud.source,
+        both,
+        along,
+        lean,
+        declared_linearity(sensor),
+        hidden_columns_u(cloud.checks),
+        edge_condition,
+        0.5 if groove == "auto" else float(groove in KNIVES),
+    )
     measured.measure(groove == "auto")
     checks.extend(_checks(cloud.of_frames(read.frame), read, labels, measured, limits))
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")

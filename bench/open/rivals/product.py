@@ -23,11 +23,11 @@ def measure(recording: Path, declared: Mapping[str, Any]) -> dict[str, Any]:
         return hand_eye(read, declared)
     points = cloud.denoise(scan.fuse(read))
     known: dict[str, Any] = {"robot_noise_mm": declared["robot_noise_mm"]} if "robot_noise_mm" in declared else {}
+    known["edge_condition"] = declared.get("edge_condition", "unknown")
     if declared["kind"] == "groove":
         found: Any = inspect.groove(edge.segment_groove(points, **known)).sections
         names = ("gap_mm", "gap_u_mm", "depth_mm", "depth_u_mm")
         return {"sections": [placed(s) | {name: s.values.get(name) for name in names} for s in found]}
-    known["edge_condition"] = declared.get("edge_condition", "unknown")
     if declared["kind"] == "raw":
         known |= {name: declared[name] for name in ("robot_noise_length_mm",) if name in declared}
         drift = declared.get("robot_drift_u_mm", 0.0)

@@ -8,12 +8,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.ndimage import binary_dilation, uniform_filter1d
+from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter, uniform_filter1d
 
 from workbench import inspect
 from workbench.artefacts import Inspection, Recording
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_groove
+from workbench.errors import InputError
 from workbench.scan import fuse, read
 
 MOST = 2.0  # times both u, and the part is another draw of its noise
@@ -70,3 +71,16 @@ def test_a_filter_moves_no_value_by_more_than_its_uncertainty(kind: str, name: s
         for old, new in both:
             assert abs(new[quantity] - old[quantity]) < MOST * np.hypot(new[u], old[u]), quantity
             assert new[u] < WIDEST * old[u], quantity
+
+
+@pytest.mark.parametrize("name", ["milled_edge", "groove"])
+def test_a_rough_face_is_no_filter_and_a_median_of_it_is_one(name: str) -> None:
+    """Roughness that lasts some columns makes neighbours alike without any filter."""
+    scan, _ = as_it_is(name)
+    rough = gaussian_filter1d(np.random.default_rng(10_239_000).normal(size=scan.z_mm.shape), 3.0, axis=1)
+    z = np.round((scan.z_mm + 0.05 * rough / rough.std()) / 0.01) * 0.01
+    fuse(replace(scan, z_mm=z.astype(np.float32)))
+    seen = np.isfinite(z)
+    held = median_filter(np.where(seen, z, 1e3), (1, 3))
+    with pytest.raises(InputError, match="median filter"):
+        fuse(replace(scan, z_mm=np.where(seen, held, np.nan).astype(np.float32)))

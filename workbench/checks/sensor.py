@@ -42,8 +42,9 @@ SERIES, BLOCK = 80, 1920  # columns that are followed from frame to frame, and o
 QUATERNIONS, ALIKE, DIFFERENT, ON_STEP, MOST_ON_STEP = 200, 1e-5, 3, 2e-3, 0.9
 SLOPES = 0, 1, 2, 3  # columns before a gap, over which its slope is taken; 0: the last range is held
 SURE_SD, MOST_MORE = 4.0, 0.03  # 80 recordings of the third simulator have up to 4.3, with too few to count
-# Of normal noise 1.25 / wide^2 less lie one and two places off on average than at its middle; of heavy tails more.
-PEAKED = 3.75
+# Times the logarithm of how many lie one place off over two off: normal noise is denser at its middle than these on
+# average by 0.8 of that; noise of heavy tails by more.
+PEAKED = 2.5
 # Of second differences: medians within which noise is dense; digits of float32 a bin, and times coarser from one to the
 # next; bins; share of their mean that is a valley.
 CORE, SCALES, COARSER, LEAST_BINS, VALLEYS, VALLEY = 2.5, (1, 6, 36, 216), 6, 4, 40, 0.25
@@ -134,7 +135,8 @@ def _filled_share(z: Float, digit_mm: float) -> float:
     Such a value lies to the digit where its neighbour, or that and the slope over one to three columns, put it. How
     many noise puts there is told by their numbers one and two digits off: by their mean, where noise is wide, and by
     a parabola through them. What is more than either, by SURE_SD standard deviations, MOST_MORE and as much as noise
-    of heavy tails is denser at its middle, is a filter's. Noise below the digit makes such values by itself.
+    of heavy tails is denser at its middle, is a filter's. Noise below the digit makes such values by itself. How wide
+    noise is, these numbers tell too: on a rough face neighbours are more alike than returns far apart.
     """
     found, spread = 0.0, _bends(np.diff(z[:, ::APART], axis=1)) / THIRD_OF_NOISE
     if not digit_mm <= spread < math.inf:
@@ -143,10 +145,9 @@ def _filled_share(z: Float, digit_mm: float) -> float:
         for k in SLOPES if way is z else SLOPES[2:]:  # over one column, or none, both ways are the same
             # what is off is a multiple of 1 / k where ranges are rounded: counts end halfway between two of these
             share, edge = (1.0 / k, (k // 2 + 0.5) / k) if k else (0.0, 0.5)
-            there, one, two = _counts_off(as_input(way), k, share, edge * digit_mm).tolist()
-            wide = spread * math.hypot(1.0, 1.0 + share, share) / (2.0 * edge * digit_mm)
+            there, one, two = np.maximum(1.0, _counts_off(as_input(way), k, share, edge * digit_mm)).tolist()
             flat, bent = 0.25 * (one + two), max((2.0 * one - 0.5 * two) / 3.0, 0.0)  # one and two: on both sides
-            peak = max(MOST_MORE, PEAKED / wide**2) if wide > 0.0 else np.inf
+            peak = max(MOST_MORE, PEAKED * (math.log(one / two) - SURE_SD * math.sqrt(1.0 / one + 1.0 / two)))
             surely = max(
                 there - flat * (1.0 + peak) - SURE_SD * np.sqrt(1.25 * flat + 1.0),
                 there

@@ -11,6 +11,7 @@ import numpy as np
 
 from workbench.artefacts import Recording
 from workbench.errors import InputError, one_line
+from workbench.geometry.blocks import evenly
 from workbench.importing.assemble import assemble
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
@@ -21,7 +22,7 @@ from workbench.storage import write_whole
 from workbench.units import Float32
 
 REFUSED = "scan.fuse refuses it until these lines are taken out of the mapping's list 'uncertain', their values right"
-PITCH_POINTS = 2_000_000
+PITCH_FRAMES = 200  # that tell the pitch
 
 
 class Understood(NamedTuple):
@@ -102,14 +103,19 @@ def _check_names(sources: Sequence[str | Path], target: Path) -> None:
 def grid_told(x_mm: Float32, z_mm: Float32) -> list[str]:
     """Frames, columns, pitch, missing share of profiles (N, M), and within what they lie."""
     frames, columns = z_mm.shape
-    step_mm = np.abs(np.diff(x_mm[:: max(1, frames * columns // PITCH_POINTS)], axis=1))
-    pitch_mm = float(np.nanmedian(step_mm)) if np.isfinite(step_mm).any() else float("nan")
     seen, ranges = returns_of(x_mm, z_mm)
     return [
-        f"profiles: {frames} frames of {columns} columns, pitch {pitch_mm:.4g} mm, "
+        f"profiles: {frames} frames of {columns} columns, pitch {column_pitch_mm(x_mm):.4g} mm, "
         f"{100 * (1 - seen / (frames * columns)):.1f} % missing",
         "returns: x {:.4g} to {:.4g} mm, z {:.4g} to {:.4g} mm".format(*ranges.ravel()) if seen else "returns: none",
     ]
+
+
+def column_pitch_mm(x_mm: Float32) -> float:
+    """Median distance of neighbouring columns in some of the profiles (N, M); NaN where nothing tells it."""
+    step_mm = np.abs(np.diff(x_mm[evenly(len(x_mm), PITCH_FRAMES)], axis=1))
+    step_mm = step_mm[step_mm > 0]
+    return float(np.median(step_mm)) if len(step_mm) else float("nan")
 
 
 def summary(recording: Recording) -> list[str]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from workbench.geometry.blocks import evenly
 from workbench.geometry.poses import pose_from, rotation_from_quaternion
 from workbench.importing import tracker
 from workbench.importing.command import grid_told
@@ -108,7 +109,7 @@ def poses_alone(found: Imported, source: str) -> Seen:
         f"poses: {len(pose)}, way {way.sum():.6g} mm, largest step {way.max(initial=0.0):.4g} mm",
         f"flange: {box(poses.position_mm)}",
     ]
-    some = np.unique(np.linspace(0, len(pose) - 1, SCANNERS).astype(int))
+    some = evenly(len(pose), SCANNERS)
     size = max(50.0, float(np.ptp(poses.position_mm, axis=0).max()))
     return Seen(
         source,

@@ -15,6 +15,7 @@ from workbench.checks import AS_READ, Convention, consistent_conventions, judge_
 from workbench.checks.judge import UNITS_MM
 from workbench.checks.limits import most
 from workbench.errors import InputError
+from workbench.geometry.blocks import evenly
 from workbench.geometry.poses import inverse, pose_from, rotation_from_quaternion, rpy_from_rotation
 from workbench.importing.command import summary
 from workbench.look.seen import Seen, box, failed, measured, places, shades_of, stacked, told_profile
@@ -26,7 +27,7 @@ from workbench.units import AnyArray, Float, Float32
 MOST_SUGGESTIONS, MOST_TRIED = 5, 12  # conventions named; those, the likeliest first, that every check is tried on
 OF_LENGTHS = ("view_width_mm", "range_mm", "reach_mm", "hand_eye_mm")
 NEARLY_ALL = 1.0  # percentile of the returns' |z| from which on they count
-SCANNERS = 24  # scanner poses drawn
+SCANNERS, MOST_PLACES = 24, 4000  # scanner poses drawn; places of a line
 BASE_AXES_MM = 200.0
 RED, GREEN, BLUE, WAY, SCANNER_WAY = (200, 60, 20), (0, 130, 90), (0, 90, 180), (27, 31, 36), (150, 90, 160)
 
@@ -253,7 +254,7 @@ def strokes(recording: Recording, base_from_profiler: Float, points_mm: Float) -
     scanner = [base_from_profiler[recording.pass_index == n, :3, 3] for n in np.unique(recording.pass_index)]
     size = float(np.ptp(points_mm, axis=0).max()) if len(points_mm) else 100.0
     far = not len(points_mm) or float(np.linalg.norm(points_mm.mean(axis=0))) > 3.0 * max(size, BASE_AXES_MM)
-    some = np.unique(np.linspace(0, len(base_from_profiler) - 1, SCANNERS).astype(int))
+    some = evenly(len(base_from_profiler), SCANNERS)
     return (
         lines_of("robot's way (flange)", ways, WAY),
         lines_of("profiler's way", scanner, SCANNER_WAY),
@@ -264,13 +265,8 @@ def strokes(recording: Recording, base_from_profiler: Float, points_mm: Float) -
 
 def lines_of(name: str, lines_mm: list[Float], colour: tuple[int, int, int]) -> Strokes:
     """Lines (n, 3) in one colour, thinned; those of one point are none."""
-    kept = tuple(_thinned(line) for line in lines_mm if len(line) > 1)
+    kept = tuple(line[evenly(len(line), MOST_PLACES)] for line in lines_mm if len(line) > 1)
     return Strokes(name, kept, tuple(np.tile(np.array(colour, np.uint8), (len(line), 1)) for line in kept))
-
-
-def _thinned(line_mm: Float, most: int = 4000) -> Float:
-    """A line with at most so many points; its ends stay."""
-    return np.asarray(line_mm[np.unique(np.linspace(0, len(line_mm) - 1, min(most, len(line_mm))).astype(int))])
 
 
 def axes_of(name: str, base_from_a: Float, length_mm: float, shown: bool = True) -> Strokes:

@@ -16,6 +16,7 @@ from workbench.artefacts import Strokes
 from workbench.artefacts.evidence import Check
 from workbench.artefacts.showing import shown
 from workbench.geometry.chains import COUNT, FIRST, LAST, noise_sigma, straight_faces
+from workbench.importing.command import column_pitch_mm
 from workbench.look.rows import Rows
 from workbench.units import DEG, AnyArray, Float, Float32, Int, Shaped
 
@@ -244,16 +245,9 @@ class Stacked(NamedTuple):
 def stacked(x_mm: Float32, z_mm: Float32, travel_mm: Float | None) -> Stacked:
     """The returns of a grid (N, M)."""
     frame, column = places(x_mm, z_mm)
-    y_mm = travel_mm if travel_mm is not None else np.arange(len(z_mm)) * pitch_mm(x_mm)
+    y_mm = travel_mm if travel_mm is not None else np.arange(len(z_mm)) * np.nan_to_num(column_pitch_mm(x_mm), nan=1.0)
     points = np.stack([x_mm[frame, column], y_mm[frame], z_mm[frame, column]], axis=1).astype(float)
     return Stacked(points, shades_of(points, frame=frame, column=column))
-
-
-def pitch_mm(x_mm: Float32) -> float:
-    """Median distance of neighbouring columns; 1 where nothing tells it."""
-    step = np.abs(np.diff(x_mm[:: max(1, len(x_mm) // 50)], axis=1))
-    step = step[np.isfinite(step) & (step > 0)]
-    return float(np.median(step)) if len(step) else 1.0
 
 
 def failed(name: str, value: float | None, reason: str, finding: str) -> Check:

@@ -9,6 +9,7 @@ import numpy as np
 
 from workbench.artefacts import Edge, Gate, Inspection, Layer, Moves, RawEdge, Section, Toolpath
 from workbench.errors import one_line
+from workbench.geometry.blocks import evenly
 from workbench.geometry.moves import runs, step_lengths_mm, step_times_s
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.marks import AIR, code, ramp, rgb
@@ -167,7 +168,7 @@ def layer_key(toolpath: Toolpath) -> list[Row]:
     """Layers with their heights above the finished bevel, and their colours."""
     count = len(toolpath.layers)
     heights = alike(*(round(layer.height_mm, 6) for layer in toolpath.layers))
-    named = np.unique(np.linspace(1, count, min(count, MOST_NAMES)).round().astype(int))
+    named = 1 + evenly(count, MOST_NAMES)
     shades = layer_colours(named, count) / 255.0
     return [(f"{k} ({heights[k - 1]} mm)", code(shade)) for k, shade in zip(named.tolist(), shades, strict=True)]
 

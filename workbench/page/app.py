@@ -49,7 +49,7 @@ READ = (
     *RECORDINGS,
     *(".csv", ".txt", ".asc", ".npz", ".dat", ".yml"),
     *(".ply", ".pcd", ".las", ".laz", ".e57", ".xyz", ".step", ".stp", ".dxf"),
-    *(".ls", ".mod", ".src", ".jbi", ".script", ".json", ".yaml", ".urdf", ".xml"),
+    *(".ls", ".mod", ".src", ".jbi", ".script", ".json", ".urdf", ".xml"),
 )
 NAME = re.compile(r"[^/\\:\0\x00-\x1f.][^/\\:\0\x00-\x1f]{0,199}")
 ASKED = (  # for most; they stand first

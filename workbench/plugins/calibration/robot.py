@@ -112,6 +112,7 @@ def robot(
     sphere_radius_u_mm: Annotated[float, Field(gt=0, le=5)] = 0.05,
     offset_prior_deg: Annotated[float, Field(ge=0, le=5)] = 0.3,
     length_prior_mm: Annotated[float, Field(ge=0, le=20)] = 1.0,
+    tilt_prior_deg: Annotated[float, Field(ge=0, le=1)] = 0.02,
     max_u_mm: Annotated[float, Field(gt=0, le=10)] = 2.0,
     root_tolerance_mm: Annotated[float, Field(gt=0, le=10)] = 0.5,
     bevel_tolerance_deg: Annotated[float, Field(gt=0, le=30)] = 1.0,
@@ -132,6 +133,7 @@ def robot(
         sphere_radius_u_mm: as in `calibrate.hand_eye`.
         offset_prior_deg: standard deviation of a joint's zero as built; 0: right, not estimated.
         length_prior_mm: of where an axis lies beside the one before; 0: right, not estimated.
+        tilt_prior_deg: of an axis' direction; 0: right, not estimated.
         max_u_mm: largest accepted u of the hand-eye pose over the field of view, as predicted.
         root_tolerance_mm: as in `calibrate.hand_eye`.
         bevel_tolerance_deg: of its bevel angle; `handeye.json` says whether the hand-eye pose alone serves both.
@@ -157,7 +159,7 @@ def robot(
     angles = read_joints(joints, seen, recording, chain)
     view = view_of(profiles, recording)
     start = solve(seen, noise, recording.flange_from_profiler, where=where, limit_mm=BUILT_MM, view=view).found.estimate
-    arm = arm_errors(chain, offset_prior_deg * DEG, length_prior_mm)
+    arm = arm_errors(chain, offset_prior_deg * DEG, length_prior_mm, tilt_prior_deg * DEG)
 
     passes = tuple(int(recording.pass_index[frames[0]]) for frames in seen.frames)
     labels = estimator.Labels(where, passes, "pass", "did the sphere move, do joints and poses belong together?")

@@ -169,7 +169,7 @@ def tracker(
         robot_noise_deg: as in `calibrate.tcp`.
         offset_prior_deg: standard deviation of a joint's zero as built; 0: right, not estimated.
         length_prior_mm: of where an axis lies beside the one before; 0: right, not estimated.
-        tilt_prior_deg: of an axis' direction; 0: right, not estimated.
+        tilt_prior_deg: as in `calibrate.robot`.
         root_tolerance_mm: as in `calibrate.tcp`.
         bevel_deg: angle of the bevel that it mills.
         part: as in `calibrate.tcp`.

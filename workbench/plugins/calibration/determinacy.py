@@ -118,8 +118,9 @@ def cause_of(base_from_flange: Float, centre: Float, with_offset: bool, what: st
     """Why a set of poses (k, 4, 4) is weak, and what would mend it; what is seen, at (k, 3) in the profiler frame."""
     between = inverse(base_from_flange[:1]) @ base_from_flange
     turns = vector_from_rotation(between[:, :3, :3])
-    turning = np.linalg.svd(turns - turns.mean(axis=0), compute_uv=False) / np.sqrt(len(turns))
-    spread = np.linalg.svd(centre - centre.mean(axis=0), compute_uv=False) / np.sqrt(len(centre))
+    turning, spread = (
+        np.linalg.svd(one - one.mean(axis=0), compute_uv=False) / np.sqrt(len(one)) for one in (turns, centre)
+    )
     if turning[0] < ALIKE_RAD:
         return "all postures have nearly the same orientation: turn the flange about two different axes"
     if turning[1] < ALIKE_RAD:

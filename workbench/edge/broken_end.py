@@ -64,7 +64,6 @@ CUT_SPREAD, CUT_U, WORN, AROUND = 0.7, 0.015, 0.03, 8.0
 PROOF = 4.5  # log-likelihood over a sharp end from which a break is told by name
 ALIKE_MM, CELL_MM = 0.003, 4.0  # views of passes that differ by less count alike; of edge, in which they share places
 DARK_COLUMNS, SELDOM = np.arange(4, 24), 0.1  # beyond a face's end; share of them that return where no surface does
-MISFIT, ODD_MM = 5.0, 0.002  # standard deviations of a depth; by which the last columns' are off anyway
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -234,14 +233,13 @@ def broken_end(
     for p, (view, shown), one in zip(numbers, looks, seen, strict=True):
         mine = here & (cloud.pass_index == p)
         mean, spread = beyond_of(share, one)
-        odd = _odd_columns(view.known, share @ one.fall) * view.step_mm
         # No break reaches farther than its size: what does is another surface's.
         other = max(mean - float(share @ templates.size_mm) - view.step_mm, 0.0)
         broken = float(share[templates.size_mm > 0.0].sum())
         unseen = max(mean / broken - view.further * view.step_mm, 0.0) if broken > 0.0 else 0.0
         own[mine] = broken * _own_break(cloud, rim, shown, unseen, np.flatnonzero(mine))
-        beyond[mine], u[mine] = mean + own[mine], math.hypot(spread, odd, other)
-        by_pass[int(p)] = PassEnd(one.beyond, np.sqrt(one.beyond_u**2 + odd**2 + other**2))
+        beyond[mine], u[mine] = mean + own[mine], math.hypot(spread, other)
+        by_pass[int(p)] = PassEnd(one.beyond, np.hypot(one.beyond_u, other))
         deep = share @ one.fall > 3.0 * np.sqrt(np.diag(view.known.noise))
         rims.append(float(np.diff(view.edges_mm)[deep].sum()) * math.cos(view.inclination))
     size, rim_mm = (float(share @ templates.size_mm), max(rims)) if proven and seen else (0.0, 0.0)
@@ -530,20 +528,6 @@ def _told_fills(light: AnyArray, on_face: AnyArray, rival: AnyArray) -> Float | 
 def _recession(rim: FaceRim, frames: Int) -> Float:
     """How fast the face falls away from the sensor towards its end, by x; negative: seen from beyond the end."""
     return np.asarray(rim.sense[frames] * rim.side[frames] * rim.face.sxz[frames] / rim.face.sxx[frames])
-
-
-def _odd_columns(known: Depths, fall: Float) -> int:
-    """How many of the last columns may be no part of the face: 0, if the templates explain all.
-
-    What a sensor's filter makes of an end may lie above the line, where no break lies.
-    """
-    left = known.mean - fall
-    covariance = known.noise + known.free + np.diag((QUARTER * fall) ** 2 + ODD_MM**2)
-    lower = np.linalg.cholesky(covariance[::-1, ::-1])  # each group by what the face before it tells
-    if np.abs(np.linalg.solve(lower, left[::-1])).max() < MISFIT:
-        return 0
-    off = np.abs(left) > 3.0 * np.sqrt(np.diag(known.noise))
-    return int(np.argmin(off)) if not off.all() else off.size
 
 
 def _between(depth: Float) -> Float:

@@ -63,7 +63,6 @@ class _Reading(NamedTuple):
     evidence: float
     own: Shaped[Float, " c"]
     course: Course
-    height_u: Shaped[Float, " c"]  # of a cell that stands off by one height with others: by what these lie about it
     even: Shaped[Float, " c"]  # probability that it does
     height: Shaped[Float, " c"]  # by which then, mm
     sense: float
@@ -91,9 +90,7 @@ def readings(
     share = np.exp(logs - logs.max())
     share /= share.sum()
     apart = np.stack([np.zeros(at.size), *(one.sense * one.course.value(at) - course.value(at) for one in found)])
-    own_u = np.stack(
-        [np.zeros(at.size), *(np.hypot(one.course.u(at), np.interp(at, s, one.height_u)) for one in found)]
-    )
+    own_u = np.stack([np.zeros(at.size), *(one.course.u(at) for one in found)])
     off = np.stack([np.zeros(at.size), *(np.interp(at, s, one.sense * one.even * one.height) for one in found)])
     shift = share @ apart
     own = share @ np.stack([np.ones(s.size), *(one.own for one in found)])
@@ -140,22 +137,7 @@ def _settled(s: Float, value: Float, u: Float, told: _Told, sense: float, is_all
         return None
     # What its freedom costs a course, by Schwarz's criterion with the cells' worth it takes.
     evidence = told.evidence - 0.5 * course.spent * math.log((known > LEAST_OWN).sum())
-    return _Reading(
-        evidence, told.own, course, _height_u(s, value, u, told), told.even.clip(0.0, 1.0), told.height, sense
-    )
-
-
-def _height_u(s: Float, value: Float, u: Float, told: _Told) -> Float:
-    """Standard uncertainty (c,) of the height of each cell's stretch, by the face's own cells beside it; else 0."""
-    even = told.even > 0.5
-    out = np.zeros(s.size)
-    if even.any():
-        alone = fit_course(s, np.where(told.own > 0.5, value, np.nan), u**2).u(s)
-        first = np.flatnonzero(even & ~np.append(False, even[:-1]))
-        last = np.flatnonzero(even & ~np.append(even[1:], False))
-        for b, e in zip(first, last, strict=True):
-            out[b : e + 1] = alone[b : e + 1].min()
-    return out
+    return _Reading(evidence, told.own, course, told.even.clip(0.0, 1.0), told.height, sense)
 
 
 def _clean(off: Float, u: Float) -> Float:

@@ -40,7 +40,7 @@ ROUGH_SLOPE = 2.0  # slope of a rough face over its height, 1/mm: waves of some 
 # noise by more than its estimate errs.
 ROUGH_MM, ROUGH_SHARE = 0.02, 0.25
 SHARED_MM = 0.003  # from here on it is, where directions of frames go together (`go_together`)
-RIM_MM, LEAST_GAP_MM = 2.0, 4.0  # frames this near to a hidden stretch (this long) may be hidden in part
+LEAST_GAP_MM = 4.0  # of a hidden stretch
 # Of the mean square of a quarter of the frames over that of half of them: six rough faces covered by drops of coolant
 # have up to 0.25, 15 that are rough all along 0.46 and more.
 PATCHES = 0.36
@@ -395,7 +395,6 @@ def _side(
     where[here], steps[here], noise[here] = s, step, np.maximum(blur, 1e-3)
     low[here] = outward * (place[:, 0] * c[:, 0] + place[:, 1] * d[:, 0] + bend(s))
     missing[here] = missing_share(face, ends.alone, cloud.pass_index)[here]
-    low[_at_rim(where)] = np.nan
     silhouette, corner = np.isfinite(low) & (steps > 0), np.isfinite(low) & (steps == 0)
     by_corners = _covered(where, corner)
     used = np.zeros_like(silhouette) if by_corners else _alone(where, corner, silhouette)
@@ -517,16 +516,6 @@ def _broken(cloud: Cloud, found: RawFaces, side: _Side, condition: EdgeCondition
         for value in likewise.values():
             value[side.silhouette & ~here & (cloud.pass_index == p)] = np.median(value[of_pass])
     return replace(broken, **likewise)
-
-
-def _at_rim(s: Float) -> Bool:
-    """Frames (N,) next to a hidden stretch: what hides it may stand before a part of the face there too."""
-    seen = np.sort(s[np.isfinite(s)])
-    gap = np.flatnonzero(np.diff(seen) > LEAST_GAP_MM)
-    out = np.zeros(s.shape, bool)
-    for before, after in zip(seen[gap], seen[gap + 1], strict=True):
-        out |= (s > before - RIM_MM) & (s < after + RIM_MM)
-    return out
 
 
 def _scaled(course: Course, factor: float) -> Course:

@@ -18,7 +18,6 @@ TOGETHER_MM = 10.0  # length over which the scatter of a rough face hangs togeth
 LOCAL_MM = 20.0  # of edge, over which nothing proves a course straight; a rough face is its least-squares plane
 TREND = 3  # order of what a face may do over the whole edge without being rough
 SLOPE_MM = 4.0  # a face's slope is averaged over this much edge, to linearise a frame's own about it
-LEG_FRAMES = 2000  # of a pass, by which it is looked at for where it turns back
 
 
 def wrapped(angle: Float) -> Float:
@@ -45,11 +44,7 @@ def width_mm(face: FaceLines) -> float:
 
 
 def near_slope(face: FaceLines, s: Float, pass_index: Int) -> Float:
-    """Slope dz/dx of a face at each frame (N,), from the frames within a few mm on the same way along the edge.
-
-    On the way back a scanner that sways holds another orientation at the same place.
-    """
-    pass_index = _legs(s, pass_index)
+    """Slope dz/dx of a face at each frame (N,), from the frames of its pass within a few mm."""
     slope, out = face.sxz / face.sxx, np.full(s.shape, np.nan)
     on = np.isfinite(s) & np.isfinite(slope)
     if not on.any():
@@ -65,28 +60,6 @@ def near_slope(face: FaceLines, s: Float, pass_index: Int) -> Float:
         mine, here = of_pass == p, on & (pass_index == p)
         rising = np.argsort(place[mine])
         out[here] = np.interp(s[here], place[mine][rising], middle[mine][rising])
-    return out
-
-
-def _legs(s: Float, pass_index: Int) -> Int:
-    """Numbers (N,) of the stretches of passes without a turn back, of frames at s (N,) in order of time."""
-    out, number = np.zeros(s.size, np.int64), 0
-    for p in np.unique(pass_index):
-        mine = np.flatnonzero(pass_index == p)
-        seen = mine[np.isfinite(s[mine])]
-        turns, way, first, far = [], 0.0, np.nan, 0
-        for i in seen[:: max(1, seen.size // LEG_FRAMES)]:
-            first = s[i] if np.isnan(first) else first
-            if way == 0.0:
-                way = float(np.sign(s[i] - first)) if abs(s[i] - first) > SLOPE_MM else 0.0
-                far = i
-            elif (s[i] - s[far]) * way > 0.0:
-                far = i
-            elif (s[far] - s[i]) * way > SLOPE_MM:
-                turns.append(int(far))
-                way, far = -way, i
-        out[mine] = number + np.searchsorted(turns, mine, side="right")
-        number += len(turns) + 1
     return out
 
 

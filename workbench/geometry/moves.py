@@ -304,6 +304,18 @@ def _mirrored(chord: Float, way: Float) -> Float:
 # Times of a path, and its feeds.
 
 
+def within(x: Float, places: Float, reach: float) -> Bool:
+    """Whether each x (n,) is no farther than `reach` from one of the places (p,), in any order.
+
+    Example:
+        >>> within(np.array([0.0, 2.0, 5.0]), np.array([6.0, 1.0]), 1.0).tolist()
+        [True, True, True]
+    """
+    padded = np.concatenate([[-np.inf], np.sort(places), [np.inf]])
+    after = np.searchsorted(padded, x)
+    return np.asarray(np.minimum(x - padded[after - 1], padded[after] - x) <= reach)
+
+
 def runs(which: Bool) -> list[tuple[int, int]]:
     """First and last index of each run of True in (n,)."""
     ends = np.flatnonzero(np.diff(np.r_[False, which, False]))

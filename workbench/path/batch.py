@@ -20,6 +20,7 @@ import scipy
 
 from workbench.artefacts import Batch, Toolpath
 from workbench.errors import InputError
+from workbench.geometry.moves import within
 from workbench.path.displacement import Prior
 from workbench.path.plan import KEY_POINT_MM
 from workbench.units import DEG, Float, Shaped
@@ -110,7 +111,7 @@ def together(shown: Shown, n: int, mean: Float, scatter: float) -> Together:
 def with_part(batch: Batch | None, at: Float, s: Float, parts: Sequence[tuple[Float, Together]]) -> Batch:
     """The batch with one part more: measured values (n,) of shift and tilt at places `s`, for stations `at` (k,)."""
     order = np.argsort(s)
-    far = scipy.spatial.cKDTree(s[:, None]).query(at[:, None])[0] > 2.0 * KEY_POINT_MM
+    far = ~within(at, s, 2.0 * KEY_POINT_MM)
     new = [np.where(far, np.nan, np.interp(at, s[order], values[order])) for values, _ in parts]
     scatter = [one.scatter for _, one in parts]
     if batch is None:

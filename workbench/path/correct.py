@@ -24,6 +24,7 @@ from workbench.artefacts import (
     Toolpath,
 )
 from workbench.errors import InputError
+from workbench.geometry.moves import within
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.path.batch import Shown, Together, known_batch, together, with_part
 from workbench.path.course import LEAST_DEPTH_MM, Poses, poses_of, turned_about_feed
@@ -290,9 +291,7 @@ def _well_inside(layer: Layer, radius_mm: float) -> Bool:
     inside = np.arange(s.size) >= cut[0]
     inside[cut[-1] :] = False
     idle = s[inside & ~layer.cutting]
-    if not idle.size:
-        return layer.cutting
-    return np.asarray(layer.cutting & (scipy.spatial.cKDTree(idle[:, None]).query(s[:, None])[0] > radius_mm))
+    return np.asarray(layer.cutting & ~within(s, idle, radius_mm))
 
 
 def _under_load(
@@ -436,8 +435,7 @@ def _checks(
         f"the lower edge lies {typical:.2f} mm beside where the first scan saw it, {aside[worst]:.2f} mm "
         f"at arc length {cut.arc_length_mm[worst]:.1f} mm: has the part moved, or is this another one?"
     )
-    gap = scipy.spatial.cKDTree(cut.arc_length_mm[:, None]).query(finish.arc_length_mm[finish.cutting, None])[0]
-    share = float(np.mean(gap <= 2.0 * KEY_POINT_MM))
+    share = float(within(finish.arc_length_mm[finish.cutting], cut.arc_length_mm, 2.0 * KEY_POINT_MM).mean())
     hardly = f"the first cut was measured on {100 * share:.0f} % of what the finishing pass cuts"
     stock = found.stock_mm[found.cut]
     least, u = LEAST_DEPTH_MM + 2.0 * shift.u, 2.0 * float(shift.u.max())

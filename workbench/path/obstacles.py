@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.artefacts import ROOT_FACE, UNLABELLED, Cloud, Edge
-from workbench.geometry.moves import runs
+from workbench.geometry.moves import runs, within
 from workbench.geometry.stations import (
     Scan,
     SectionTable,
@@ -62,13 +62,8 @@ def find_foreign(cloud: Cloud, edge: Edge, sections: SectionTable) -> tuple[Int,
 
 def _standing_out(scan: Scan, cloud: Cloud, edge: Edge) -> Bool:
     """Which kept points (N, M) of no face stand out of the stock: clamps, the table, streaks."""
-    stations = edge.arc_length_mm
-    hidden = stations[~edge.seen]
-    near = np.zeros(stations.size, bool)
-    if hidden.size:
-        at = np.clip(np.searchsorted(hidden, stations), 1, hidden.size - 1) if hidden.size > 1 else np.zeros(1, int)
-        near = np.minimum(np.abs(stations - hidden[at]), np.abs(stations - hidden[at - 1])) <= BESIDE_MM
-    tolerance = np.where(near, CLAMP_MM, BURR_MM)
+    beside = within(edge.arc_length_mm, edge.arc_length_mm[~edge.seen], BESIDE_MM)
+    tolerance = np.where(beside, CLAMP_MM, BURR_MM)
     tolerance[[0, -1]] = BURR_MM  # beyond the ends of the edge
     usable = cloud.keep & ~((edge.labels >= ROOT_FACE) & (edge.labels != UNLABELLED))
     return standing_out(scan, usable, tolerance)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.geometry.moves import within
 from workbench.geometry.poses import inverse, pose_from, rotation_from_rpy
 from workbench.storage import digest_of
 from workbench.strict_json import read_json
@@ -387,9 +388,5 @@ def seen_near(u: Float, seen_parameters: list[Float] | None, frame_pitch_mm: flo
     """Stations within three quarters of the frame pitch of a frame that sees the edge."""
     if seen_parameters is None:
         return np.ones(len(u), dtype=bool)
-    seen = np.zeros(len(u), dtype=bool)
-    for at in seen_parameters:
-        at = np.concatenate([[-np.inf], np.sort(at), [np.inf]])
-        after = np.searchsorted(at, u)
-        seen |= np.minimum(u - at[after - 1], at[after] - u) <= 0.75 * frame_pitch_mm + 1e-9
-    return seen
+    found = [within(u, at, 0.75 * frame_pitch_mm + 1e-9) for at in seen_parameters]
+    return np.asarray(np.any(found, axis=0))

@@ -18,6 +18,7 @@ from pydantic import Field
 
 from workbench.artefacts import Engagement, Layer, LayerEngagement, PathCorrection, PathDeflection, Toolpath, Travel
 from workbench.errors import InputError
+from workbench.geometry.moves import within
 from workbench.geometry.poses import (
     pose_from,
     quaternion_from_rotation,
@@ -190,7 +191,7 @@ class Watch:
         self._u, self._at, self._arc_length_mm = u, u_at_points[order], layer.arc_length_mm[order]
         self._name, self._depth_of_cut_mm = f"layer {layer.index}", depth_of_cut_mm
         self._cuts = bool(layer.cutting.any())
-        self._beside = _within(u, self._at[layer.cutting[order]], radius_mm)
+        self._beside = within(u, self._at[layer.cutting[order]], radius_mm)
 
     def travel(self, name: str, met: Met) -> list[str]:
         """A travel must not meet anything."""
@@ -230,13 +231,6 @@ class Watch:
 
     def _place(self, u: float) -> str:
         return f"at arc length {np.interp(u, self._at, self._arc_length_mm):.1f} mm"
-
-
-def _within(u: Float, places: Float, reach: float) -> Bool:
-    """Whether each u (U,) is within `reach` of one of the `places` (p,), ascending."""
-    padded = np.concatenate([[-np.inf], places, [np.inf]])
-    after = np.searchsorted(padded, u)
-    return np.asarray(np.minimum(u - padded[after - 1], padded[after] - u) <= reach)
 
 
 # Displacements of the tool point by point, out of a CSV file.

@@ -41,9 +41,10 @@ def bounding_volumes(cell: Cell) -> BoundingVolumes:
     """The cell's shapes in volumes whose distances are quick."""
     made = [_volume(shape) for shape in cell.shapes]
     count = len(made)  # 0: nothing is known of any body
-    ends = np.array([one for one, _, _ in made]).reshape(count, 2, 3)
-    radius, half = np.array([one for _, one, _ in made]), np.array([one for _, _, one in made]).reshape(count, 3)
+    ends, radius = np.array([one for one, _ in made]).reshape(count, 2, 3), np.array([one for _, one in made])
     solid = np.array([_solid(shape) for shape in cell.shapes], np.int64)
+    boxes = [shape.box for shape in cell.shapes]
+    half = np.array([one for _, one in boxes]).reshape(count, 3)
     around = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2 + radius
     return BoundingVolumes(
         axes=cell.chain.axes,
@@ -54,7 +55,7 @@ def bounding_volumes(cell: Cell) -> BoundingVolumes:
         solid=solid,
         ends_mm=ends,
         radius_mm=radius,
-        pose=np.array([_centred(shape) for shape in cell.shapes]).reshape(count, 4, 4),
+        pose=np.array([pose for pose, _ in boxes]).reshape(count, 4, 4),
         half_mm=half,
         around_mm=np.where(solid == BOX, np.linalg.norm(half, axis=1), around),
         pairs=np.array(checked_pairs(cell), np.int64).reshape(-1, 2),
@@ -73,42 +74,22 @@ def with_externals(cell: Cell, joints: Float, turntable: Float | float) -> Float
     return np.ascontiguousarray(np.column_stack([joints, np.broadcast_to(np.asarray(turntable, float), shape)]))
 
 
-def _volume(shape: Shape) -> tuple[Float, float, Float]:
-    """Ends of a capsule's axis and its radius, half lengths of the box."""
-    half = _half_lengths(shape)
+def _volume(shape: Shape) -> tuple[Float, float]:
+    """Ends of a capsule's axis, and its radius."""
+    pose, half = shape.box
     if shape.kind in ("capsule", "cylinder", "sphere"):
         radius = shape.size_mm[0]
-        length = shape.size_mm[1] / 2 if len(shape.size_mm) > 1 else 0.0
-        axis = np.array([0.0, 0.0, length])
+        axis = np.array([0.0, 0.0, half[2] - (0.0 if shape.kind == "cylinder" else radius)])
     else:
         longest = int(np.argmax(half))
         axis = half * (np.arange(3) == longest)
         radius = float(np.linalg.norm(np.delete(half, longest)))
-    pose = _centred(shape)
-    return np.array([pose[:3, :3] @ (s * axis) + pose[:3, 3] for s in (-1, 1)]), radius, half
+    return np.array([pose[:3, :3] @ (s * axis) + pose[:3, 3] for s in (-1, 1)]), radius
 
 
 def _solid(shape: Shape) -> int:
     flat = shape.kind in ("box", "mesh") and not 1 <= shape.link <= 6
     return CYLINDER if shape.kind == "cylinder" else BOX if flat else NONE
-
-
-def _half_lengths(shape: Shape) -> Float:
-    if shape.vertices_mm is not None:
-        return np.asarray(np.ptp(shape.vertices_mm, axis=0) / 2)
-    if shape.kind == "cylinder":
-        radius, length = shape.size_mm
-        return np.array([radius, radius, length / 2])
-    return np.array(shape.size_mm) / 2 if shape.kind == "box" else np.zeros(3)
-
-
-def _centred(shape: Shape) -> Float:
-    """The shape's pose, for a mesh moved to the middle of the box around it."""
-    if shape.vertices_mm is None:
-        return shape.pose
-    middle = np.eye(4)
-    middle[:3, 3] = (shape.vertices_mm.min(axis=0) + shape.vertices_mm.max(axis=0)) / 2
-    return np.asarray(shape.pose @ middle)
 
 
 assert ON_TURNTABLE == 7  # the kernel's eighth motion; behind it what carries that

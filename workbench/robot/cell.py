@@ -15,6 +15,7 @@ import numpy as np
 
 from workbench.artefacts import RobotCell
 from workbench.errors import InputError
+from workbench.geometry.poses import pose_from
 from workbench.robot.cell_file import ControllerPart, ProcessPart, SpindleCurvePart
 from workbench.robot.kinematics import Chain, jacobian_at, joint_axes
 from workbench.robot.wrist import Side
@@ -50,19 +51,25 @@ class Shape:
     triangles: Shaped[AnyArray, "t 3"] | None = None
 
     @property
-    def sphere(self) -> tuple[Float, float]:
-        """Middle (3,), where `pose` is, and radius of a sphere around it, mm."""
+    def box(self) -> tuple[Float, Float]:
+        """Pose (4, 4) of the middle of a box around it along its own axes, where `pose` is, and half its edges (3,)."""
+        middle = self.pose
         if self.vertices_mm is not None:
             low, high = self.vertices_mm.min(axis=0), self.vertices_mm.max(axis=0)
-            return self.pose[:3, :3] @ (low + high) / 2 + self.pose[:3, 3], float(np.linalg.norm(high - low) / 2)
+            return middle @ pose_from(np.eye(3), (low + high) / 2), (high - low) / 2
         size = np.array(self.size_mm)
         if self.kind == "box":
-            radius = np.linalg.norm(size) / 2
-        elif self.kind == "cylinder":
-            radius = np.hypot(size[0], size[1] / 2)
-        else:
-            radius = size[0] + size[1:].sum() / 2
-        return self.pose[:3, 3], float(radius)
+            return middle, size / 2
+        caps = 0.0 if self.kind == "cylinder" else size[0]
+        return middle, np.array([size[0], size[0], size[1:].sum() / 2 + caps])
+
+    @property
+    def sphere(self) -> tuple[Float, float]:
+        """Middle (3,), where `pose` is, and radius of a sphere around it, mm."""
+        pose, half = self.box
+        if self.kind in ("sphere", "capsule"):
+            return pose[:3, 3], float(half[2])
+        return pose[:3, 3], float(np.linalg.norm(half[1:] if self.kind == "cylinder" else half))
 
 
 def named_file(path: Path, where: str, what: str) -> None:

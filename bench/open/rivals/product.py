@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,9 @@ def measure(recording: Path, declared: Mapping[str, Any]) -> dict[str, Any]:
     points = cloud.denoise(scan.fuse(read))
     known: dict[str, Any] = {"robot_noise_mm": declared["robot_noise_mm"]} if "robot_noise_mm" in declared else {}
     known["edge_condition"] = declared.get("edge_condition", "unknown")
+    if "sensor" in declared:
+        known["sensor"] = recording.with_suffix(".sensor.json")
+        known["sensor"].write_text(json.dumps(declared["sensor"]))
     if declared["kind"] == "groove":
         found: Any = inspect.groove(edge.segment_groove(points, **known)).sections
         names = ("gap_mm", "gap_u_mm", "depth_mm", "depth_u_mm")

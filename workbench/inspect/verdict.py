@@ -12,7 +12,7 @@ from workbench.artefacts import GrooveSection, Part, Quantity, Section, Uncertai
 RANK: dict[Verdict, int] = {"pass": 0, "undecided": 1, "fail": 2}
 NOTHING_REQUIRED = "no specification: measured, conformity not assessed"
 NO_HAND_EYE = Unseen("hand_eye", "The uncertainty of the hand-eye calibration: the calibration in use states none.")
-PROVIDED = "pass, provided that nothing stands behind these: {}"
+PROVIDED = "pass, provided that there is none of these: {}"
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:

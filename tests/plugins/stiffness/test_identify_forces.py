@@ -147,6 +147,27 @@ def test_what_is_no_stable_cut_is_refused(tmp_path: Path, how: str, words: str) 
         found([path, SHIPPED[2]], [300.0, 900.0])
 
 
+@pytest.mark.parametrize(
+    ("cut", "stated", "scale"),
+    [
+        ({"radial_mm": 5.0}, {}, np.eye(3)),
+        ({}, {"radial_depth_mm": 5.0}, np.eye(3)),
+        ({}, {}, np.diag([0.5, 1.0, 1.0])),
+        ({}, {}, np.diag([1.0, 0.5, 1.0])),
+        ({}, {}, np.eye(3)[[0, 2, 1]]),
+    ],
+    ids=["a slot that is half a slot", "half a slot that is a slot", "gain of x", "gain of y", "y and z swapped"],
+)
+def test_means_that_the_lines_of_the_teeth_contradict_are_refused(tmp_path: Path, cut, stated, scale) -> None:
+    """Each gave coefficients up to 68 u off: any three means of two feeds are some coefficients' means."""
+    files = [tmp_path / f"{feed:.0f}.csv" for feed in FEEDS]
+    for k, (path, feed) in enumerate(zip(files, FEEDS, strict=True)):
+        samples = recording(Slot(**cut), feed, k)
+        write(path, np.column_stack([samples[:, :1], samples[:, 1:] @ scale.T]))
+    with pytest.raises(InputError, match=r"lines of the teeth.*radial_depth_mm"):
+        found(files, FEEDS, **stated)
+
+
 def test_the_file_goes_into_the_force_with_its_u(tmp_path: Path) -> None:
     document, _ = identify_forces(recordings=SHIPPED, feeds_mm_min=FEEDS, **CUT, **NAMED)
     path = tmp_path / document.name

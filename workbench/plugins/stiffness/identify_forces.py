@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,7 @@ from workbench.api import (
     Forces,
     InputError,
     InputFile,
+    Int,
     Shaped,
     estimator,
     pieces,
@@ -41,6 +43,7 @@ ROUNDS = 3  # of run-out and coefficients, which hang on each other
 MUCH = 10.0  # times the power, beyond which one line is not another's neighbour by chance
 DOWN = np.array([1.0, -1.0, 1.0])  # x, y, z of down-milling over those of up-milling
 BELOW = 5.0  # standard uncertainties, by which an edge coefficient may lie below zero
+TEETH_SHARE = 0.2  # of means and lines of the teeth, by which these may be off: resonances make 0.14
 CLIPPED = 3  # samples in a row on the channel's very extreme
 SCALE_U, GAIN_U = 0.02, 0.01  # of dynamometer and depths of cut together; of each axis against the others
 ZERO_U_N, WEAR_U = 0.5, 0.02  # of a recording: its zero, along each axis; the share of its edge forces
@@ -76,6 +79,7 @@ class Recorded:
     beyond: Shaped[Float, " 3"]  # share of each channel's variance above the dynamometer's bandwidth
     sense: float  # power of the tooth line that turns from x to y, over that which turns back; 1: neither
     once_n: float  # amplitude of the once-per-turn line across the axis
+    teeth_n: Shaped[AnyArray, "h 3"]  # lines of the teeth and their harmonics, below the bandwidth
 
 
 @stage("stiffness.identify_forces")
@@ -99,8 +103,8 @@ def identify_forces(
 ) -> tuple[Document, Chapter]:
     """Cutting and edge coefficients from the mean forces of whole turns at two feeds or more (Budak et al. 1996).
 
-    Means are free of the dynamometer's resonances; waveforms serve for spindle speed, sense of rotation and run-out
-    only. Writes `coefficients.json` for `stiffness.force`.
+    Means are free of the dynamometer's resonances; waveforms serve for spindle speed, sense of rotation, run-out, and
+    a check that the lines of the teeth are those of the coefficients. Writes `coefficients.json` for `stiffness.force`.
 
     Args:
         recordings: DynoWare exports, or tables with the columns fx_n, fy_n, fz_n and time_s, one a feed.
@@ -123,7 +127,7 @@ def identify_forces(
 
     Raises:
         InputError: one feed, fewer than 20 whole turns, a saturated channel, chatter, another speed or number of
-            flutes; no axes, or several, with positive coefficients.
+            flutes; no axes, or several, with positive coefficients; lines of the teeth that contradict the means.
 
     Example:
         >>> from workbench.plugins import stiffness
@@ -153,6 +157,7 @@ def identify_forces(
     for _ in range(ROUNDS):
         runout = _run_out(chosen, recorded, per_tooth, cut, np.radians(helix_deg))
         chosen = _fitted(recorded, per_tooth, cut, chosen.turn, runout.lost_n, as_built_u)
+    _check_teeth(recorded, chosen, runout)
     found = Identified(material, tool, cut, tuple(recorded), per_tooth, len(tried), chosen, runout)
     return Document(CoefficientsFile.NAME, _document(found)), _chapter(found)
 
@@ -183,6 +188,7 @@ def _recorded(path: Path, forces: Forces, cut: Cutting) -> Recorded:
     power = np.abs(spectrum) ** 2
     across = np.fft.fft(used[:, 0] + 1j * used[:, 1]) / len(used)
     tooth = cut.cutter.flutes * turns
+    orders = _tooth_orders(cut, turn_hz)
     return Recorded(
         source=str(path),
         rpm=60.0 * turn_hz,
@@ -192,7 +198,13 @@ def _recorded(path: Path, forces: Forces, cut: Cutting) -> Recorded:
         beyond=power[hz > cut.bandwidth_hz].sum(axis=0) / np.maximum(power.sum(axis=0), 1e-300),
         sense=float(abs(across[tooth]) ** 2 / max(abs(across[-tooth]) ** 2, 1e-300)),
         once_n=float(np.hypot(abs(across[turns]), abs(across[-turns]))),
+        teeth_n=spectrum[orders * turns],
     )
+
+
+def _tooth_orders(cut: Cutting, turn_hz: float) -> Int:
+    """Of the teeth's lines below the bandwidth, as multiples of a turn's frequency."""
+    return cut.cutter.flutes * np.arange(1, math.ceil(cut.bandwidth_hz / turn_hz / cut.cutter.flutes))
 
 
 def _channels(path: Path, forces: Forces) -> Float:
@@ -373,12 +385,11 @@ class RunOut(NamedTuple):
 
     mm: float  # at least, where tooth 1 stands worst
     lost_n: Shaped[Float, "n 3"]  # mean force with it less that without: where a chip ends, its edge force does too
+    teeth_n: tuple[Shaped[Float, "h 2"], ...]  # amplitudes with it of the lines of the teeth, across and along the feed
 
 
 def _run_out(tried: Tried, recorded: Sequence[Recorded], per_tooth: Float, cut: Cutting, helix: float) -> RunOut:
     """The least run-out that makes the lines; none of one flute."""
-    if cut.cutter.flutes < 2:
-        return RunOut(0.0, np.zeros((len(recorded), 3)))
     # down-milling is up-milling with forces towards the axis, and those along the feed, the other way
     down = cut.angles[0] > 0.0
     of = CuttingCoefficients(*(tried.values * np.where(down, [1, -1, 1, 1, -1, 1], 1.0)))
@@ -394,13 +405,32 @@ def _run_out(tried: Tried, recorded: Sequence[Recorded], per_tooth: Float, cut: 
         lines = np.fft.fft(turn[:, 0] + 1j * turn[:, 1]) / len(turn)
         return float(np.hypot(abs(lines[1]), abs(lines[-1])))
 
-    size = 0.1 * float(per_tooth.min())
+    size = 0.1 * float(per_tooth.min()) * (cut.cutter.flutes > 1)
     angles = np.linspace(0, np.pi, 13)[:-1]
     worst = float(angles[int(np.argmax([line(float(per_tooth[0]), size, float(one)) for one in angles]))])
-    for _ in range(ROUNDS):  # a tooth that no longer cuts everywhere makes a line that is not in proportion
+    for _ in range(ROUNDS * (size > 0.0)):  # a tooth that no longer cuts everywhere makes lines out of proportion
         size *= float(np.mean([one.once_n / line(c, size, worst) for one, c in zip(recorded, per_tooth, strict=True)]))
-    lost_n = [(through(c, size, worst) - through(c, 0.0, worst)).mean(axis=0) for c in per_tooth]
-    return RunOut(size, np.array(lost_n))
+    turns = [through(c, size, worst) for c in per_tooth]
+    lost_n = [(turn - through(c, 0.0, worst)).mean(axis=0) for turn, c in zip(turns, per_tooth, strict=True)]
+    lines = [np.abs(np.fft.fft(turn[:, :2], axis=0)) / len(turn) for turn in turns]
+    orders = [_tooth_orders(cut, one.rpm / 60.0) for one in recorded]
+    return RunOut(size, np.array(lost_n), tuple(line[at] for line, at in zip(lines, orders, strict=True)))
+
+
+def _check_teeth(recorded: Sequence[Recorded], chosen: Tried, runout: RunOut) -> None:
+    """Refuse means and waveforms that no cut has together: coefficients are fitted to the means alone."""
+    shown = np.concatenate([np.abs(one.teeth_n @ chosen.turn.T)[:, :2] for one in recorded])
+    made = np.concatenate(runout.teeth_n)
+    means = np.array([(chosen.turn @ one.mean_n)[:2] for one in recorded])
+    off = np.linalg.norm(shown - made) / np.hypot(np.linalg.norm(means) / math.sqrt(2.0), np.linalg.norm(shown))
+    if off > TEETH_SHARE:
+        across, along = shown[0]
+        raise InputError(
+            recorded[0].source,
+            f"expected lines of the teeth of {made[0, 0]:.3g} N across and {made[0, 1]:.3g} N along the feed, as the "
+            f"means have them, found {across:.3g} and {along:.3g} N ({100 * off:.0f} % off, at most "
+            f"{100 * TEETH_SHARE:g}): is radial_depth_mm another, an axis another, or the gain of a channel?",
+        )
 
 
 class Identified(NamedTuple):

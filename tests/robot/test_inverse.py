@@ -17,7 +17,7 @@ from workbench.units import Float
 
 from .conftest import apart, missing
 
-SPHERICAL = ["irb6700", "puma", "skewed", "oblique"]
+SPHERICAL = ["irb6700", "puma", "oblique"]
 STRETCHED = {"ur10e": 0.0, "crx10ia": np.pi / 2, "irb6700": -np.arctan2(1592.5, 200)}  # joint 3
 OFFSET = ["ur10e", "crx10ia"]  # their wrists along axis 5: roots of a polynomial
 MOST = 64  # answers of EAIK, least squares included
@@ -155,22 +155,21 @@ def other(chain: Chain, axes: dict[int, Float], points_mm: dict[int, Any]) -> Ch
 
 
 @pytest.mark.parametrize(
-    ("axes", "points_mm"),
+    ("axes", "points_mm", "share"),
     [
-        ({0: unit(0.1, 0.2, 1), 1: unit(0.1, 1, 0.2), 2: unit(-0.3, 0.5, 1)}, {1: [320, 100, 780]}),
-        ({1: np.array([0.0, 0, 1])}, {}),  # axes 1 and 2 parallel
-        ({2: np.array([1.0, 0, 0])}, {1: [0, 0, 780], 2: [0, 0, 2060]}),  # 1 and 2 meet, 2 and 3 meet
-        ({2: unit(1e-6, 1, 0)}, {1: [1e-4, 0, 780]}),  # nearly parallel, nearly meeting: a calibrated arm
-        ({2: unit(3e-8, 1, 0)}, {1: [1e-5, 0, 780]}),
+        ({2: unit(3e-8, 1, 0)}, {1: [1e-5, 0, 780]}, 1.0),
+        ({2: unit(1e-6, 1, 0)}, {1: [1e-4, 0, 780]}, 1.0),
+        ({1: unit(1e-3, 1, -7e-4), 2: unit(-3e-4, 1, 1e-3)}, {1: [320, 1, 780]}, 0.997),  # but for double branches
     ],
 )
-def test_arms_of_any_kind_reach_by_every_branch(chain: Chain, axes: Any, points_mm: Any) -> None:
+def test_a_calibrated_arm_reaches_by_every_branch(chain: Chain, axes: Any, points_mm: Any, share: float) -> None:
+    """Axes 2 and 3 are not quite parallel."""
     arm = other(chain, axes, points_mm)
     q = np.random.default_rng(15).uniform(-np.pi, np.pi, (500, 6))
     poses = forward_kinematics(arm, q)
     found = inverse_kinematics(arm, poses)
     assert np.nanmax(missing(arm, found, poses)) < 1e-12
-    assert np.nanmin(apart(found, q[:, None]), axis=1).max() < 1e-6
+    assert (apart(found, q[:, None]) < 1e-6).any(axis=1).mean() >= share
 
 
 @pytest.mark.parametrize(
@@ -180,6 +179,7 @@ def test_arms_of_any_kind_reach_by_every_branch(chain: Chain, axes: Any, points_
         ("irb6700", {4: np.array([1.0, 0, 0])}, {}, "axes 4 and 5 are parallel"),
         ("irb6700", {1: unit(0, 0, 1), 2: unit(0, 0, 1)}, {}, "cannot move the wrist's centre in all directions"),
         ("irb6700", {2: unit(1, 0, 0)}, {1: [0, 0, 780], 2: [0, 0, 780]}, "cannot move the wrist's centre"),
+        ("irb6700", {2: unit(1, 1, 0)}, {}, "axes 2 and 3 are not parallel"),
         ("ur10e", {}, {5: [30, 0, 0]}, "wrist is not spherical"),  # axis 6 beside axis 5
     ],
 )

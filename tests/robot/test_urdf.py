@@ -17,7 +17,7 @@ from workbench.robot import forward_kinematics, read_cell, turntable_pose
 
 URDFS, DATA = Path(__file__).parent / "urdf", Path(__file__).parents[2] / "data/robot"
 ROBOTS = {"kr210": "base_link", "m20ia": "base", "gp25": "base", "ur10e": "base", "puma": "base_link"}
-ROBOTS |= dict.fromkeys(("skewed", "oblique", "irb6700_150_320"), "base_link")
+ROBOTS |= dict.fromkeys(("oblique", "irb6700_150_320"), "base_link")
 
 
 def urdf_of(name: str) -> str:

@@ -1,7 +1,8 @@
 """Inverse kinematics, all branches over any number of poses.
 
-In closed form for a robot with a spherical wrist: its centre depends on the first three joints only. They are solved
-first, then the wrist's turn that is left.
+In closed form for a robot with a spherical wrist behind parallel axes 2 and 3: its centre depends on the first three
+joints only. They are solved first, with Newton's steps where the axes are not quite parallel (a calibrated arm, rounded
+figures), then the wrist's turn that is left.
 
 Numerically for arms whose wrist is offset along axis 5 (UR, CRX). Axis 4 meets axis 5 in one point, axis 6 meets it in
 another. For a given angle of joint 6 the second point and the direction of axis 5 are known, so the first point is, and
@@ -27,7 +28,7 @@ from workbench.robot.wrist import (
     SphericalWrist,
     angle_about,
     arm_size_mm,
-    general_position,
+    centre_at,
     newton,
     offset_wrist,
     on_circle,
@@ -56,12 +57,13 @@ def inverse_kinematics(chain: Chain, base_from_flange: Float) -> Float:
     b is 8 for a spherical wrist, in closed form; 16 for one that is offset along axis 5, numerically, in no particular
     order. What follows holds for spherical ones.
 
-    Rows are 4 * shoulder + 2 * elbow + wrist where axes 2 and 3 are parallel; else 2 * place + wrist, places in no
-    particular order. Joint limits are not looked at (`workbench.robot.kinematics.within_limits`). In a singular posture
-    the free angle is 0: joint 4 of a stretched wrist, joint 1 of a wrist above axis 1. Branches may then coincide.
+    Rows are 4 * shoulder + 2 * elbow + wrist. Joint limits are not looked at
+    (`workbench.robot.kinematics.within_limits`). In a singular posture the free angle is 0: joint 4 of a stretched
+    wrist, joint 1 of a wrist above axis 1. Branches may then coincide.
 
     Raises:
-        InputError: the robot has neither wrist, or one that the first three joints cannot move everywhere.
+        InputError: the robot has neither wrist, or one that the first three joints cannot move everywhere; axes 2 and 3
+            are not parallel.
     """
     poses = np.ascontiguousarray(base_from_flange, float)
     flat = poses.reshape(-1, 4, 4)
@@ -80,12 +82,19 @@ def inverse_kinematics(chain: Chain, base_from_flange: Float) -> Float:
 
 
 def _first_three(chain: Chain, wrist: SphericalWrist, centre_mm: Float) -> Float:
-    """Angles (n, 4, 3) that bring the wrist's centre to places (n, 3)."""
-    if wrist.behind_parallel_axes:
-        return np.asarray(
-            parallel_position(chain.axes, chain.points_mm / 1e3, wrist.centre_mm / 1e3, centre_mm / 1e3, 1e-13)
-        )
-    return general_position(chain, wrist.centre_mm, centre_mm)
+    """Angles (n, 4, 3) that bring the wrist's centre to places (n, 3); where axes 2 and 3 are tilted by Newton."""
+    arm = chain.axes, chain.points_mm / 1e3, wrist.centre_mm / 1e3, centre_mm / 1e3
+    if wrist.parallel_axes:
+        return np.asarray(parallel_position(*arm, 1e-13))
+    size, start = arm_size_mm(chain, wrist.centre_mm), parallel_position(*arm, NEAR)
+
+    def missing(here: Float) -> tuple[Float, Float]:
+        at, slope = centre_at(chain, wrist.centre_mm, here, size)
+        return centre_mm[:, None] / size - at, slope
+
+    found, left = newton(missing, np.nan_to_num(start), STEPS)
+    there = np.isfinite(start[..., 0]) & (left < 1e-12)
+    return np.where(there[..., None], found, np.nan)
 
 
 @kernel

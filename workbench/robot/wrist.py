@@ -6,17 +6,9 @@ ABB's `cfx`, KUKA's STATUS and FANUC's configuration string say the same three t
 behind axis 1, whether it is below the line of the upper arm (the elbow is down), and whether the wrist is flipped.
 Here they follow from the geometry, so that neither zeros nor senses of a maker's joints matter.
 
-Where the first three joints put the wrist's centre is solved backwards. For axes that stand in any way to each other
-after Pieper (1968): joint 2 changes neither the height of the wrist's centre along axis 2 nor its distance from a point
-of it. Turned back by joint 1 the centre must have both as it has them turned on by joint 3: two equations, linear in
-the cosines and sines of joints 1 and 3. Newton's steps on the position itself take away what rounding left. Two such
-equations, vectorised over n problems:
-A a (cos alpha, sin alpha) = B b (cos beta, sin beta) + k, with matrices A, B (2, 2), radii a, b (n,) and k (n, 2).
-Where a matrix is singular, its angle drops out of a combination of the equations, and the other one is solved first.
-Else one angle is eliminated by cos^2 + sin^2 = 1, which leaves a polynomial of degree 4.
-
-For parallel axes 2 and 3 in closed form, by subproblems after Paden and Kahan (Murray, Li, Sastry 1994, section 3.3):
-shoulder from the wrist centre's distance along axis 2, elbow by the law of cosines. Lengths there in m.
+Where the first three joints put the wrist's centre is solved backwards, for parallel axes 2 and 3 in closed form, by
+subproblems after Paden and Kahan (Murray, Li, Sastry 1994, section 3.3): shoulder from the wrist centre's distance
+along axis 2, elbow by the law of cosines. Lengths there in m.
 """
 
 from __future__ import annotations
@@ -34,13 +26,8 @@ from workbench.units import AnyArray, Bool, Float, Shaped
 
 PARALLEL = 1e-9  # sine of an angle that still counts as zero
 MEETING_MM = 1e-4  # distance at which lines still count as meeting
-FLAT = 1e-7  # smallest singular value of a matrix that counts as singular
-DOUBLE = 1e-6  # off the unit circle, that rounding may make of a real double root
+NEARLY = 0.01  # sine of an angle between axes 2 and 3 that Newton's steps take away
 ROUNDING = 1e-14  # parts of the largest coefficient
-ALMOST = 1e-12
-REACHED = 1e-12  # what may be missing of a position, in units of the arm's size
-STEPS = 3  # of Newton's: each squares what is missing
-GENERIC = np.array([[0.3, 0.7, 1.1], [-0.9, 0.4, -1.7], [1.9, -1.2, 2.6], [0.1, 2.2, 0.5]])  # no angle is special
 Side = Literal["front", "back", "elbow_up", "elbow_down", "unflipped", "flipped"]
 SIDES = tuple(zip(get_args(Side)[::2], get_args(Side)[1::2], strict=True))  # what `arm_sides` calls false and true
 SINGULAR = 1e-13  # distance from an axis in m, below which an angle is free and set to 0
@@ -51,7 +38,7 @@ class SphericalWrist:
     """Where the wrist's three axes meet, all joints at zero."""
 
     centre_mm: Shaped[Float, " 3"]  # in the base
-    behind_parallel_axes: bool  # axes 2 and 3 are parallel and axis 1 is not, as in most robots
+    parallel_axes: bool  # 2 and 3, exactly
     square: bool  # axis 5 at right angles to axes 4 and 6
 
 
@@ -91,9 +78,11 @@ def spherical_wrist(chain: Chain) -> SphericalWrist:
         raise _unsolved(chain, f"its wrist is not spherical (axes 4, 5 and 6 miss each other by {miss:.3g} mm)")
     if not moves_everywhere(chain, centre):
         raise _unsolved(chain, "joints 1 to 3 cannot move the wrist's centre in all directions")
+    if _sine(h[1], h[2]) > NEARLY or _sine(h[0], h[1]) < NEARLY:
+        raise _unsolved(chain, "axes 2 and 3 are not parallel, or axis 1 is parallel to them")
     return SphericalWrist(
         centre,
-        behind_parallel_axes=_sine(h[1], h[2]) < PARALLEL <= _sine(h[0], h[1]),
+        parallel_axes=_sine(h[1], h[2]) < PARALLEL,
         square=bool(max(abs(h[3] @ h[4]), abs(h[4] @ h[5])) < PARALLEL),
     )
 
@@ -179,55 +168,6 @@ def free_joint_3(chain: Chain, joints: Float) -> Float:
 # The wrist's centre, solved backwards.
 
 
-def two_angles(a: Float, radius_a: Float, b: Float, radius_b: Float, k: Float) -> tuple[Float, Float]:
-    """alpha, beta (n, 4), NaN where there is no solution."""
-    flat_a, flat_b = (float(np.linalg.svd(matrix, compute_uv=False)[1]) for matrix in (a, b))
-    singular = min(flat_a, flat_b) < FLAT
-    if (flat_b < flat_a) if singular else (flat_b > flat_a):
-        beta, alpha = two_angles(b, radius_b, a, radius_a, -k)
-        return alpha, beta
-    solve = _one_after_the_other if singular else _by_elimination
-    return solve(a, radius_a, b, radius_b, k)
-
-
-def _one_after_the_other(a: Float, radius_a: Float, b: Float, radius_b: Float, k: Float) -> tuple[Float, Float]:
-    """Where A is singular: beta from the combination without alpha, then alpha from what is left."""
-    left = np.linalg.svd(a)[0]
-    keep, without = left[:, 0], left[:, 1]
-    beta = np.repeat(_on_line(radius_b[:, None] * (without @ b), -k @ without), 2, axis=1)
-    rest = (radius_b[:, None, None] * _cosine_sine(beta)) @ (keep @ b)[..., None]
-    alpha = _on_line((radius_a[:, None] * (keep @ a))[:, None], rest[..., 0][:, ::2] + (k @ keep)[:, None])
-    return alpha.reshape(-1, 4), beta
-
-
-def _by_elimination(a: Float, radius_a: Float, b: Float, radius_b: Float, k: Float) -> tuple[Float, Float]:
-    """Where A is regular: |A^-1 (B b (cos beta, sin beta) + k)| = a, then alpha from its direction."""
-    inverse = np.linalg.inv(a)
-    g, shift = radius_b[:, None, None] * (inverse @ b), k @ inverse.T
-    x, y = g[..., 0], g[..., 1]
-    level = ((g**2).sum(axis=(1, 2))) / 2 + (shift**2).sum(axis=1) - radius_a**2
-    first = (shift * x).sum(axis=1) - 1j * (shift * y).sum(axis=1)  # of exp(i beta), and of its square
-    second = ((x**2).sum(axis=1) - (y**2).sum(axis=1)) / 4 - 0.5j * (x * y).sum(axis=1)
-    beta = on_circle(np.column_stack([second.conj(), first.conj(), level, first, second]), DOUBLE)
-    end = _cosine_sine(beta) @ np.swapaxes(g, 1, 2) + shift[:, None]
-    return np.arctan2(end[..., 1], end[..., 0]), beta
-
-
-def _cosine_sine(angle: Float) -> Float:
-    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-
-
-def _on_line(normal: Float, value: Float) -> Float:
-    """Both angles t (..., 2) with normal . (cos t, sin t) = value; 0 where any will do."""
-    r = np.hypot(normal[..., 0], normal[..., 1])
-    reaches = np.abs(value) <= r * (1 + ALMOST) + ALMOST
-    middle = np.arctan2(normal[..., 1], normal[..., 0])
-    half = np.arctan2(np.sqrt(np.maximum(r**2 - value**2, 0.0)), value)
-    found = np.stack([middle + half, middle - half], axis=-1)
-    found = np.where((r < ALMOST)[..., None], 0.0, found)
-    return np.where(reaches[..., None], found, np.nan)
-
-
 def on_circle(rising: AnyArray, off: float) -> Float:
     """Zeros (n, m) of sum c_k exp(i k t), k = 0 to m, c (n, m + 1); NaN: those that are `off` real or more.
 
@@ -243,54 +183,6 @@ def on_circle(rising: AnyArray, off: float) -> Float:
     return np.where(np.abs(np.abs(root) - 1.0) < off, np.angle(root), np.nan)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Circle:
-    """Points going round an axis, as seen from a point of axis 2: `middle + radius (cos(angle) e + sin(angle) f)`."""
-
-    foot: Shaped[Float, " 3"]  # a point on the axis
-    middle: Shaped[Float, "n 3"]
-    radius: Shaped[Float, " n"]
-    e: Shaped[Float, " 3"]
-    f: Shaped[Float, " 3"]
-    start: Shaped[Float, " n"]  # the angle at which each stands
-
-    def at(self, angle: Float) -> Float:
-        """Points (n, k, 3) at angles (n, k)."""
-        c, s = (self.radius[:, None] * part for part in (np.cos(angle), np.sin(angle)))
-        return self.middle[:, None] + c[..., None] * self.e + s[..., None] * self.f
-
-    def seen(self, axis: Float) -> tuple[Float, Float]:
-        """Height along `axis` and half the squared distance: (2, 2) times radius (cos, sin), and constants (n, 2)."""
-        square = (self.middle**2).sum(axis=1) + self.radius**2
-        linear = np.array([[row @ self.e, row @ self.f] for row in (axis, self.foot)])
-        return linear, np.column_stack([self.middle @ axis, square / 2])
-
-
-def general_position(chain: Chain, centre_mm: Float, wanted_mm: Float) -> Float:
-    """Angles (n, 4, 3) of joints 1 to 3 that bring the wrist's centre to `wanted_mm` (n, 3); NaN: no such branch.
-
-    `centre_mm` (3,) with all joints at zero, both in the base. Joint 1 is 0 where the wrist's centre stands on axis 1.
-    Branches come in no particular order, and coincide where the arm is singular.
-    """
-    h, size = chain.axes, arm_size_mm(chain, centre_mm)
-    feet = (chain.points_mm[:3] - chain.points_mm[1]) / size
-    back = _circle((wanted_mm - chain.points_mm[1]) / size, feet[0], h[0])
-    on = _circle(np.broadcast_to((centre_mm - chain.points_mm[1]) / size, (len(wanted_mm), 3)), feet[2], h[2])
-    (a, at_a), (b, at_b) = back.seen(h[1]), on.seen(h[1])
-    alpha, beta = two_angles(a, back.radius, b, on.radius, at_b - at_a)
-    alpha = np.where((back.radius < REACHED)[:, None] & np.isfinite(alpha), back.start[:, None], alpha)
-    q2 = turn_about(h[1], on.at(beta), back.at(alpha))
-    q = np.stack([back.start[:, None] - alpha, q2, beta - on.start[:, None]], axis=-1)
-
-    def missing(here: Float) -> tuple[Float, Float]:
-        at, slope = _centre(chain, centre_mm, here, size)
-        return wanted_mm[:, None] / size - at, slope
-
-    best, least = newton(missing, np.nan_to_num(q), STEPS + 1)
-    there = np.isfinite(q).all(axis=-1) & (least < REACHED)
-    return np.where(there[..., None], best, np.nan)
-
-
 def arm_size_mm(chain: Chain, centre_mm: Float) -> float:
     """A length in which the arm's reach is about 1: from point to point of the first three axes to the wrist."""
     points = np.vstack([chain.points_mm[:3], centre_mm])
@@ -299,18 +191,9 @@ def arm_size_mm(chain: Chain, centre_mm: Float) -> float:
 
 def moves_everywhere(chain: Chain, centre_mm: Float) -> bool:
     """Whether joints 1 to 3 can move the wrist's centre in all directions, in some posture."""
-    _, slope = _centre(chain, centre_mm, GENERIC, arm_size_mm(chain, centre_mm))
+    q = np.random.default_rng(0).uniform(-np.pi, np.pi, (4, 3))  # no angle is special
+    _, slope = centre_at(chain, centre_mm, q, arm_size_mm(chain, centre_mm))
     return bool(np.abs(np.linalg.det(slope)).max() > 1e-9)
-
-
-def _circle(points: Float, foot: Float, axis: Float) -> Circle:
-    """The circles of points (n, 3) about the axis through `foot`."""
-    e = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    e /= np.linalg.norm(e)
-    f = np.cross(axis, e)
-    arm = points - foot
-    x, y = arm @ e, arm @ f
-    return Circle(foot, foot + (arm @ axis)[:, None] * axis, np.hypot(x, y), e, f, np.arctan2(y, x))
 
 
 def turn_about(axis: Float, start: Float, end: Float) -> Float:
@@ -319,7 +202,7 @@ def turn_about(axis: Float, start: Float, end: Float) -> Float:
     return np.asarray(np.arctan2(across, (start * end).sum(axis=-1) - (start @ axis) * (end @ axis)))
 
 
-def _centre(chain: Chain, centre_mm: Float, q: Float, size: float) -> tuple[Float, Float]:
+def centre_at(chain: Chain, centre_mm: Float, q: Float, size: float) -> tuple[Float, Float]:
     """The wrist's centre (..., 3) at angles (..., 3) and its slopes (..., 3, 3), in units of `size`."""
     six = np.concatenate([q, np.zeros_like(q)], axis=-1)
     moved = motions(chain, six)[..., 3, :, :]

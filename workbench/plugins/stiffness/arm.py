@@ -138,7 +138,7 @@ def fast_arm(chain: Chain, springs: Float = NO_SPRINGS) -> Arm:
             `traversal.followed` and `law.nodes` do.
     """
     h, o, wrist = chain.axes, chain.points_mm, spherical_wrist(chain)
-    if not (wrist.behind_parallel_axes and wrist.square):
+    if not (wrist.parallel_axes and wrist.square):
         raise InputError(
             f"robot '{chain.name}'",
             "the posture optimiser expects axes 2 and 3 parallel, and axis 5 square to axes 4 and 6",

@@ -12,6 +12,7 @@ from workbench.dialect import Dialect, MillingTool, ProgramJob, write_program
 from workbench.errors import InputError, OutputError, PipelineError, WorkbenchError, nearest
 from workbench.geometry import estimator
 from workbench.geometry.chains import FaceLines
+from workbench.geometry.moves import chords_mm
 from workbench.geometry.poses import (
     interpolate_poses,
     inverse,
@@ -133,6 +134,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "base_from_targets",
     "cell_triangles",
     "certified_length",
+    "chords_mm",
     "dexterity",
     "estimator",
     "external_at",

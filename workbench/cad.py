@@ -21,6 +21,7 @@ import numpy as np
 
 from workbench.children import confine, library, read_by
 from workbench.errors import InputError
+from workbench.geometry.moves import chords_mm
 from workbench.storage import regular_file
 from workbench.units import DEG, Float, Int, Shaped
 
@@ -50,7 +51,7 @@ class NominalEdge:
     @property
     def length_mm(self) -> float:
         """Along the points."""
-        return float(np.linalg.norm(np.diff(self.points_mm, axis=0), axis=1).sum())
+        return float(chords_mm(self.points_mm).sum())
 
     def told(self) -> str:
         """The edge in words."""

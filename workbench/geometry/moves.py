@@ -71,7 +71,7 @@ def merge_poses(
     p, q = np.ascontiguousarray(position_mm, float), np.ascontiguousarray(quaternion_wxyz, float)
     last = np.append(np.flatnonzero(np.diff(label)), len(label) - 1)  # of each stretch of one label
     stop = last[np.searchsorted(last, np.arange(len(label)))]
-    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1)))
+    length = arc_lengths_mm(p)
     chord = 2.0 * math.sin(min(allowed.angle, math.pi) / 4.0)  # of two unit quaternions that differ by `angle`
     feeds = np.stack([feed, np.broadcast_to(feed_share, len(p))], axis=1)
     most_turn = math.sqrt(8.0 * allowed.chord_mm / allowed.lever_mm) if allowed.lever_mm > 0 else math.inf
@@ -322,10 +322,19 @@ def runs(which: Bool) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in zip(ends[::2], ends[1::2], strict=True)]
 
 
+def chords_mm(position_mm: Float) -> Float:
+    """(k - 1,) distances of points (k, 3) from the one before."""
+    return np.asarray(np.linalg.norm(np.diff(position_mm, axis=0), axis=1))
+
+
+def arc_lengths_mm(position_mm: Float) -> Float:
+    """(k,) way along chords from the first of points (k, 3) to each."""
+    return np.append(0.0, np.cumsum(chords_mm(position_mm)))
+
+
 def step_lengths_mm(position_mm: Float) -> Float:
     """(k,) distance of each point (k, 3) from the one before it; 0 for the first."""
-    steps = np.linalg.norm(np.diff(position_mm, axis=0), axis=1)
-    return np.concatenate([np.zeros(min(1, len(position_mm))), steps])
+    return np.concatenate([np.zeros(min(1, len(position_mm))), chords_mm(position_mm)])
 
 
 def step_times_s(position_mm: Float, feed_mm_s: Float) -> Float:

@@ -10,6 +10,7 @@ import numpy as np
 
 from workbench.artefacts import LINEAR_AXIS, Part, PartNames, Recording
 from workbench.errors import InputError
+from workbench.geometry.moves import arc_lengths_mm
 from workbench.importing import tracker
 from workbench.importing.joints import NO_ROBOT
 from workbench.importing.mapping import LinearAxisPart, Mapping, TimesPart
@@ -253,7 +254,7 @@ def by_travel(frames: ProfileFrames, poses: PoseStream, part: TimesPart) -> Time
     assert part.start_mm is not None
     travel_mm = _travel(frames, part.pitch_mm) - part.start_mm
     poses = chosen_poses(poses, strides(poses.position_mm, CHORD_MM))
-    way_mm = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(poses.position_mm, axis=0), axis=1)))
+    way_mm = arc_lengths_mm(poses.position_mm)
     note, has_clock = "from travel along the flange's way", poses.time_s is not None
     if poses.time_s is None:
         poses, note = replace(poses, time_s=way_mm), f"{note}; no clock: a mm of it counts as a second"

@@ -12,6 +12,7 @@ import numpy as np
 from workbench.artefacts import Recording
 from workbench.errors import InputError, one_line
 from workbench.geometry.blocks import evenly
+from workbench.geometry.moves import chords_mm
 from workbench.importing.assemble import assemble
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
@@ -125,7 +126,7 @@ def summary(recording: Recording) -> list[str]:
     for number in np.unique(recording.pass_index):
         frame, pose = recording.pass_index == number, recording.robot_pass == number
         time_s, position_mm = recording.time_s[frame], recording.robot_position_mm[pose]
-        travel_mm = np.linalg.norm(np.diff(position_mm, axis=0), axis=1).sum()
+        travel_mm = chords_mm(position_mm).sum()
         lines.append(
             f"pass {number}: {frame.sum()} frames over {np.ptp(time_s):.4g} s, {pose.sum()} poses, "
             f"travel {travel_mm:.4g} mm"

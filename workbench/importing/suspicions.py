@@ -9,6 +9,7 @@ import numpy as np
 
 from workbench.artefacts import Recording
 from workbench.errors import InputError
+from workbench.geometry.moves import chords_mm
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.importing.mapping import Mapping, Suspicion
 from workbench.importing.mapping_parts import LENGTH_MM
@@ -78,7 +79,7 @@ def check_motion(recording: Recording, has_clock: bool, mapping: Mapping) -> Non
         frame, pose = recording.pass_index == number, recording.robot_pass == number
         time_s = recording.time_s[frame]
         position_mm = _at(time_s, recording.robot_time_s[pose], recording.robot_position_mm[pose])
-        way_mm = float(np.linalg.norm(np.diff(position_mm, axis=0), axis=1).sum())
+        way_mm = float(chords_mm(position_mm).sum())
         _check_way(way_mm, len(time_s), partial(refuse, mapping, where))
         duration_s = float(np.ptp(time_s))
         if has_clock and duration_s > 0 and not SPEED_MM_S[0] <= way_mm / duration_s <= SPEED_MM_S[1]:

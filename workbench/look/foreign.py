@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench.geometry.blocks import evenly
+from workbench.geometry.moves import chords_mm
 from workbench.geometry.poses import pose_from, rotation_from_quaternion
 from workbench.importing import tracker
 from workbench.importing.command import grid_told
@@ -103,7 +104,7 @@ def poses_alone(found: Imported, source: str) -> Seen:
     poses = found.poses
     assert poses is not None
     pose = pose_from(rotation_from_quaternion(poses.quaternion_wxyz), poses.position_mm)
-    way = np.linalg.norm(np.diff(poses.position_mm, axis=0), axis=1)
+    way = chords_mm(poses.position_mm)
     lines = [
         *found.notes,
         f"poses: {len(pose)}, way {way.sum():.6g} mm, largest step {way.max(initial=0.0):.4g} mm",

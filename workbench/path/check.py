@@ -23,7 +23,7 @@ from workbench.artefacts import (
     Travel,
 )
 from workbench.geometry.distances import ALWAYS, axis_distances, build_stock
-from workbench.geometry.moves import step_lengths_mm
+from workbench.geometry.moves import chords_mm, step_lengths_mm
 from workbench.path.course import (
     LEAST_DEPTH_MM,
     Poses,
@@ -452,7 +452,7 @@ def axes_of(toolpath: Toolpath, points: Layer | Travel) -> tuple[Float, Float]:
 
 def _dense(centre: Float, axis: Float) -> tuple[Float, Float]:
     """Points every mm on the straight lines of a travel move."""
-    length = np.linalg.norm(np.diff(centre, axis=0), axis=1)
+    length = chords_mm(centre)
     counts = np.maximum(np.ceil(length / STEP_MM).astype(int), 1)
     at = np.concatenate([np.repeat(np.arange(len(counts)), counts), [len(centre) - 1]]).astype(np.int64)
     share = np.concatenate([*(np.arange(n) / n for n in counts), [0.0]])[:, None]

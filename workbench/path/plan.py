@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench.artefacts import ChainU, Cloud, Cutter, Edge, Layer, RawEdge, Toolpath, Travel
 from workbench.errors import InputError
-from workbench.geometry.moves import runs
+from workbench.geometry.moves import chords_mm, runs
 from workbench.geometry.poses import pose_from, rotation_from_quaternion
 from workbench.path.course import LEAST_DEPTH_MM, Bevel, Course, bevel_normal, tool_quaternions
 from workbench.path.obstacles import (
@@ -149,7 +149,7 @@ def sparse(course: Course, high_mm: float) -> Int:
 
 
 def _travel(plan: Plan, points: Float, at: Int) -> Travel:
-    keep = np.concatenate([[True], np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-6])
+    keep = np.concatenate([[True], chords_mm(points) > 1e-6])
     feed = np.full(int(keep.sum()), plan.v_slow_mm_s)
     return Travel(points[keep], plan.quaternion_wxyz[at][keep], feed)
 

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from workbench.artefacts import Layer, Moves, Postures, Toolpath, Travel
 from workbench.errors import InputError
-from workbench.geometry.moves import Tolerances, merge_poses
+from workbench.geometry.moves import Tolerances, arc_lengths_mm, chords_mm, merge_poses
 from workbench.stage import stage
 from workbench.units import DEG, Bool, Float, Int, Shaped
 
@@ -125,7 +125,7 @@ def _turned(points: Points) -> Float:
 
 def _even(points: Points) -> Int:
     """The piece (n,) of the way on which a track goes evenly with the tool, to OFF_TRACK_MM, towards each point."""
-    arc = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points.position_mm, axis=0), axis=1)))
+    arc = arc_lengths_mm(points.position_mm)
     piece, start, most, least = np.zeros(len(arc), np.int64), 0, math.inf, -math.inf
     value = points.turntable / DEG
     for i in range(1, len(arc)):
@@ -149,7 +149,7 @@ def _points(toolpath: Toolpath) -> Points:
 
 def _different(points: Points) -> tuple[Points, Int]:
     """Points without those that repeat the pose before them, and which are left."""
-    step = np.linalg.norm(np.diff(points.position_mm, axis=0), axis=1)
+    step = chords_mm(points.position_mm)
     q = points.quaternion_wxyz
     turn = np.minimum(np.linalg.norm(q[1:] - q[:-1], axis=1), np.linalg.norm(q[1:] + q[:-1], axis=1))
     new = np.append(True, (step > SAME_MM) | (turn > SAME_CHORD) | (_turned(points) > SAME_CHORD))

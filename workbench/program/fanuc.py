@@ -28,6 +28,7 @@ import numpy as np
 
 from workbench.artefacts import EventKind, ProgramTool
 from workbench.errors import InputError
+from workbench.geometry.moves import chords_mm
 from workbench.language import NUMBER, Language, refuse
 from workbench.program.reading import Reading, euler_pose, euler_rows, one_or_all
 from workbench.program.skeleton import SWITCHED, Numbered, check_words, numbered, tidy
@@ -279,7 +280,7 @@ class Fanuc(Numbered):
         """All that stands behind the target of each move: speed and termination."""
         controller, moves, feeds = self.cell.controller, self.job.moves, np.array(self.feeds)
         region = math.floor(self.job.zone_mm) if controller and controller.corner_region else 0
-        length = np.linalg.norm(np.diff(moves.position_mm, axis=0), axis=1)
+        length = chords_mm(moves.position_mm)
         room = np.minimum(np.minimum(np.append(0.0, length), np.append(length, 0.0)) / 2, self.job.zone_mm)
         within = (continuous_mm(self.cell, feeds) <= room) & (np.append(feeds[1:], 0.0) <= feeds)
         rounded = [f"CR{region}" if region else "CNT100" if free else "FINE" for free in within.tolist()]

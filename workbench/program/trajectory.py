@@ -21,6 +21,7 @@ import numpy as np
 from workbench.artefacts import ProgramMoves, ProgramTool
 from workbench.dialect import ProgramJob
 from workbench.errors import InputError
+from workbench.geometry.moves import chords_mm
 from workbench.geometry.poses import (
     inverse,
     is_rigid,
@@ -178,7 +179,7 @@ class Trajectory:
         made, table = self.job.moves.postures, self.cell.turntable
         assert made is not None
         angles, towards, share = self._fine
-        way = np.linalg.norm(np.diff(made.position_mm, axis=0), axis=1) / made.feed_mm_s[1:]
+        way = chords_mm(made.position_mm) / made.feed_mm_s[1:]
         whole = np.append(0.0, np.cumsum(way))
         feed = whole[towards] - (1 - share) * np.append(0.0, way)[towards]
         at_feed = np.diff(feed[self.kept])

@@ -20,6 +20,7 @@ import numpy as np
 
 from workbench.artefacts import EventKind, ProgramTool
 from workbench.dialect import rounded_feeds
+from workbench.geometry.moves import chords_mm
 from workbench.geometry.poses import pose_from, rotation_from_quaternion, rotation_from_vector, vector_from_rotation
 from workbench.language import NUMBER, Language, row
 from workbench.program.reading import Reading
@@ -147,7 +148,7 @@ class UrScript(CellDialect):
     def ends(self) -> list[dict[str, float]]:
         """How each move is made."""
         moves = self.job.moves
-        chord = np.linalg.norm(np.diff(moves.position_mm, axis=0), axis=1)
+        chord = chords_mm(moves.position_mm)
         room = SHARE * np.minimum(np.append(0.0, chord), np.append(chord, 0.0))
         blend = np.where(self.blends, np.minimum(self.job.zone_mm, room), 0.0)
         feed = rounded_feeds(self.limited_mm_s) / 1000

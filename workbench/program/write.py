@@ -14,6 +14,7 @@ from workbench.artefacts import Chapter, Check, Document, Judgement, Moves, Part
 from workbench.artefacts.decisions import NOT_CHECKED
 from workbench.dialect import Dialect, MillingTool, ProgramJob, nearest_words, place, released, write_program
 from workbench.errors import InputError
+from workbench.geometry.moves import chords_mm
 from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion
 from workbench.marks import LIMIT, MEASURED
 from workbench.plot import Figure
@@ -340,10 +341,10 @@ def too_sudden(moves: Moves, cell: Cell, zone_mm: float) -> Bool | None:
     most = cell.rated_accelerations
     if most is None or made is None or point is None:
         return None
-    length = np.linalg.norm(np.diff(moves.position_mm, axis=0), axis=1)
+    length = chords_mm(moves.position_mm)
     room = np.minimum(np.append(0.0, length), np.append(length, 0.0)) / 2
     zone = np.maximum(np.minimum(zone_mm, room), NOTHING)
-    steps = np.linalg.norm(np.diff(made.position_mm, axis=0), axis=1)
+    steps = chords_mm(made.position_mm)
     seven = np.column_stack([made.joints, made.turntable])
     a_mm = np.diff(seven, axis=0) / np.maximum(steps, NOTHING)[:, None]  # rad of each a mm of way
     inside = np.clip(point, 1, len(a_mm) - 1)

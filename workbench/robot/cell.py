@@ -15,6 +15,7 @@ import numpy as np
 
 from workbench.artefacts import RobotCell
 from workbench.errors import InputError
+from workbench.geometry.moves import chords_mm
 from workbench.geometry.poses import pose_from
 from workbench.robot.cell_file import ControllerPart, ProcessPart, SpindleCurvePart
 from workbench.robot.kinematics import Chain, jacobian_at, joint_axes
@@ -129,7 +130,7 @@ def wrist_angles(axes: Float) -> Float:
 def own_length_mm(chain: Chain) -> float:
     """Half the length of the chain from axis to axis to the flange, which makes the Jacobian's rows alike."""
     points = np.vstack([chain.points_mm, chain.base_from_flange_at_zero[:3, 3]])
-    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum() / 2)
+    return float(chords_mm(points).sum() / 2)
 
 
 def dexterity(

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workbench.artefacts import Judgement, Moves, Nearest, ProgramMoves, Violation
+from workbench.geometry.moves import arc_lengths_mm, chords_mm
 from workbench.geometry.poses import inverse
 from workbench.robot.bounds import SAFE_MM, CollisionScreen
 from workbench.robot.cell import Cell, dexterity, turntable_margin
@@ -350,7 +351,7 @@ def _judgement(
     everywhere = joined(found.places)
     order = np.lexsort((everywhere.share, everywhere.segment))
     places = everywhere.at(order)
-    arc = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(places.tool[:, :3, 3], axis=0), axis=1)))
+    arc = arc_lengths_mm(places.tool[:, :3, 3])
     at = _arc_lookup(places, arc)
     unchecked = [*dict.fromkeys((*cell.unchecked, *left_out(cell, ()))), *cell.unseen]  # margins may have grown since
     driven, deviation = Driven(), float("nan")
@@ -413,7 +414,7 @@ def _judgement(
 def _driven(way: Way, places: Places) -> dict[str, Float]:
     """Where the robot stands, when, in which line, how fast its tool goes."""
     seconds = _seconds(way, places)
-    steps = np.linalg.norm(np.diff(places.tool[:, :3, 3], axis=0), axis=1)
+    steps = chords_mm(places.tool[:, :3, 3])
     return {
         "joints": places.joints,
         "turntable": places.turntable,

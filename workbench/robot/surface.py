@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workbench.artefacts import Layer, Toolpath, Travel
+from workbench.geometry.moves import arc_lengths_mm, chords_mm
 from workbench.geometry.poses import interpolate_poses, inverse
 from workbench.robot.cell import Cell
 from workbench.robot.collision import turntable_pose
@@ -101,7 +102,7 @@ def _quickest(driven: Float, row: Int, seconds: Float, fine: Float, feed: Float)
 
     Within a move the speed is the controller's: angles that go evenly make it waver where a turntable turns.
     """
-    there, along = _along(driven), _along(fine)
+    there, along = arc_lengths_mm(driven), arc_lengths_mm(fine)
     first = np.flatnonzero(np.append(True, np.diff(row) != 0))
     last = np.append(first[1:], len(row))
     speed = (there[last] - there[first]) / np.maximum(np.add.reduceat(seconds, first), LEAST_S)
@@ -127,7 +128,7 @@ def _parts(path: Toolpath) -> Iterator[tuple[str, Float, Float, Float]]:
         position = np.concatenate([_ends(one, j, part)[0] for j, one in enumerate(row)])
         quaternion = np.concatenate([_ends(one, j, part)[1] for j, one in enumerate(row)])
         feed = np.concatenate([_ends(one, j, part)[2] for j, one in enumerate(row)])
-        if np.linalg.norm(np.diff(position, axis=0), axis=1).sum() <= NO_LENGTH_MM:
+        if chords_mm(position).sum() <= NO_LENGTH_MM:
             continue
         name = f"layer {part.index}" if isinstance(part, Layer) else f"the travel {_beside(parts, i)}"
         yield name, *_densified(path, position, quaternion, feed)
@@ -158,7 +159,7 @@ def _part(planned: Planned, name: str, fine: Float, axis: Float, tool: Float) ->
     if len(driven) < 2:
         return f"{name} of the path is not driven"
     lever = planned.toolpath.cutter.flute_length_mm / 2
-    there, back = _along(driven[:, :3, 3]), _along(fine)
+    there, back = arc_lengths_mm(driven[:, :3, 3]), arc_lengths_mm(fine)
     if abs(there[-1] - back[-1]) > 0.01 * back[-1] + NEAR_MM / 2:
         return f"{name} of the path is {back[-1]:.1f} mm long, the program drives {there[-1]:.1f} mm"
     off, at, share = _nearest(driven[:, :3, 3], there * back[-1] / max(there[-1], 1e-9), fine, back)
@@ -193,20 +194,16 @@ def _to_segments(point: Float, start: Float, way: Float) -> tuple[Float, Float]:
     return np.asarray(np.linalg.norm(start + share[..., None] * way - point, axis=-1)), share
 
 
-def _along(position: Float) -> Float:
-    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1)))
-
-
 def _densified(path: Toolpath, position: Float, quaternion: Float, feed: Float) -> tuple[Float, Float, Float]:
     """Points of the cutter's axis in the base, at most MOST_STEP_MM from each other, its direction and its speed."""
-    step = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    step = chords_mm(position)
     turn = 2 * np.arccos(np.clip(np.abs((quaternion[1:] * quaternion[:-1]).sum(axis=1)), 0, 1))
     count = np.maximum(np.ceil(np.maximum(step / MOST_STEP_MM, turn / MOST_TURN)), 1).astype(int)
     at = np.concatenate([*(i + np.arange(c) / c for i, c in enumerate(count.tolist())), [len(position) - 1]])
     poses = interpolate_poses(at, np.arange(len(position), dtype=float), position, quaternion)
     axes, points = poses[:, :3, :3], poses[:, :3, 3] - path.cutter.diameter_mm / 2 * poses[:, :3, 0]
     turned = np.eye(3) if path.base_from_workobject is None else path.base_from_workobject[:3, :3]
-    own, axis = (np.linalg.norm(np.diff(one, axis=0), axis=1) for one in (poses[:, :3, 3], points))
+    own, axis = (chords_mm(one) for one in (poses[:, :3, 3], points))
     towards = feed[np.floor(at[:-1]).astype(int) + 1]
     speed = np.where(own > NO_LENGTH_MM, towards * axis / np.maximum(own, NO_LENGTH_MM), np.inf)
     return path.in_base(points), axes[:, :, 2] @ turned.T, speed

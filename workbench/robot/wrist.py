@@ -20,6 +20,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.geometry.moves import chords_mm
 from workbench.kernels import kernel
 from workbench.robot.kinematics import Chain, joint_axes, motions
 from workbench.units import AnyArray, Bool, Float, Shaped
@@ -186,7 +187,7 @@ def on_circle(rising: AnyArray, off: float) -> Float:
 def arm_size_mm(chain: Chain, centre_mm: Float) -> float:
     """A length in which the arm's reach is about 1: from point to point of the first three axes to the wrist."""
     points = np.vstack([chain.points_mm[:3], centre_mm])
-    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    return float(chords_mm(points).sum())
 
 
 def moves_everywhere(chain: Chain, centre_mm: Float) -> bool:

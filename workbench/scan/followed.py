@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.artefacts import Check, Cloud
+from workbench.geometry.moves import chords_mm
 from workbench.geometry.poses import inverse, pose_from, rotation_from_quaternion, vector_from_rotation
 from workbench.result_files import ScanPlanFile
 from workbench.result_files.scan_plan import ScanPassRow, plan_id
@@ -94,6 +95,6 @@ def _departures(poses: Float, planned: Float, row: ScanPassRow) -> Iterator[str]
     away = np.hypot(place[:, 0], place[:, 2])
     if away.max() > AWAY_MM:
         yield f"{away.max():.1f} mm beside the planned way at {at[int(away.argmax())]:.0f} mm"
-    pitch = float(np.median(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1))) if len(poses) > 1 else math.nan
+    pitch = float(np.median(chords_mm(poses[:, :3, 3]))) if len(poses) > 1 else math.nan
     if abs(pitch / row.frame_pitch_mm - 1.0) > PITCH_SHARE:
         yield f"a frame every {pitch:.2g} mm, planned {row.frame_pitch_mm:.2g}"

@@ -14,6 +14,7 @@ import numpy as np
 
 from workbench.extras import Extra
 from workbench.geometry.blocks import evenly
+from workbench.geometry.moves import chords_mm
 from workbench.geometry.poses import inverse, pose_from
 from workbench.result_files import SensorFile
 from workbench.robot import (
@@ -115,7 +116,7 @@ class Examiner:
 
     def _fastest_mm_s(self, joints: Float, base_from_view: Float) -> float:
         """At which no joint takes more than `GENTLE` of its speed, or of its acceleration where that is stated."""
-        step = np.linalg.norm(np.diff(base_from_view[:, :3, 3], axis=0), axis=1)[:, None]
+        step = chords_mm(base_from_view[:, :3, 3])[:, None]
         a_mm = np.diff(joints, axis=0) / step
         bend = np.diff(a_mm, axis=0) / (0.5 * (step[1:] + step[:-1]))
         most = np.full(6, np.inf) if self.cell.accelerations is None else self.cell.accelerations

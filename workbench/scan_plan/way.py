@@ -11,6 +11,7 @@ from scipy.interpolate import splev, splprep
 from scipy.ndimage import gaussian_filter1d
 
 from workbench.errors import InputError
+from workbench.geometry.moves import arc_lengths_mm, chords_mm
 from workbench.geometry.poses import pose_from
 from workbench.scan_plan.information import BESIDE_MM, Joint, Profiler, View, room_mm
 from workbench.units import Float, Shaped
@@ -47,10 +48,10 @@ class EdgeLine:
         Raises:
             InputError: less than 5 mm of edge, or an upper side along the edge.
         """
-        step = np.linalg.norm(np.diff(points_mm, axis=0), axis=1)
+        step = chords_mm(points_mm)
         points = points_mm[np.append(True, step > 1e-6)]
         upper = np.broadcast_to(upper_side, points_mm.shape)[np.append(True, step > 1e-6)]
-        along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+        along = arc_lengths_mm(points)
         if along[-1] < LEAST_MM:
             why = f"expected an edge of {LEAST_MM:g} mm and more, found {along[-1]:.2g}: are its points in metres?"
             raise InputError(str(source), why)
@@ -64,7 +65,7 @@ class EdgeLine:
             off = gaussian_filter1d(position - told, SMOOTH_MM / STATION_MM, axis=0, mode="nearest")
             if np.linalg.norm(off, axis=1).max() <= BESIDE_MM:
                 break
-        at = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1)))
+        at = arc_lengths_mm(position)
         tangent /= np.linalg.norm(tangent, axis=1)[:, None]
         across = up - (up * tangent).sum(axis=1)[:, None] * tangent
         size = np.linalg.norm(across, axis=1)

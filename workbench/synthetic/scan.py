@@ -11,6 +11,7 @@ import numpy as np
 import scipy
 
 from workbench.artefacts import Part, Recording, ScanCourse
+from workbench.geometry.moves import arc_lengths_mm
 from workbench.geometry.poses import inverse, pose_from
 from workbench.kernels import kernel
 from workbench.recording_file import Frames
@@ -49,7 +50,7 @@ def move(recipe: Recipe, surface: raycast.Surface, index: int, start_s: float, r
 def follow(recipe: Recipe, course: ScanCourse, index: int, start_s: float, repeat: int = 0) -> PassMotion:
     """The motion of a planned pass, likewise; its poses are logged as a stream."""
     positions = course.base_from_profiler[:, :3, 3]
-    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1)))
+    along = arc_lengths_mm(positions)
     turns = scipy.spatial.transform.Slerp(
         along, scipy.spatial.transform.Rotation.from_matrix(course.base_from_profiler[:, :3, :3])
     )

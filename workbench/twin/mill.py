@@ -18,7 +18,7 @@ from pydantic import Field
 
 from workbench.artefacts import Engagement, Layer, LayerEngagement, PathCorrection, PathDeflection, Toolpath, Travel
 from workbench.errors import InputError
-from workbench.geometry.moves import within
+from workbench.geometry.moves import arc_lengths_mm, chords_mm, within
 from workbench.geometry.poses import (
     pose_from,
     quaternion_from_rotation,
@@ -283,7 +283,7 @@ class Mechanics:
         position = position_mm @ self.base_from_path[:3, :3].T + self.base_from_path[:3, 3]
         turned = rotation_from_vector(self.rotation) @ rotation
         bent = self.deflection_mm + self.deflections_mm.get(layer, np.zeros((len(position), 3)))
-        travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1))])
+        travelled = arc_lengths_mm(position)
         new = _noise(travelled[:, None], self.noise_mm, self.noise_length_mm, [*self.seed, 0x7A, draw])
         again = _noise(position, self.repeating_mm, self.noise_length_mm, [self.seed[0], 0x7B])
         return pose_from(turned, position + self.offset_mm + new + again + np.einsum("kij,kj->ki", turned, bent))
@@ -312,7 +312,7 @@ def straight_moves(base_from_tool: Float, values: Float) -> tuple[Float, Float]:
     position, quaternion = base_from_tool[:, :3, 3], quaternion_from_rotation(base_from_tool[:, :3, :3])
     cosine = np.abs(np.sum(quaternion[:-1] * quaternion[1:], axis=1))
     turn = 2.0 * np.arccos(np.minimum(cosine, 1.0))
-    way = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    way = chords_mm(position)
     pieces = np.maximum(1, np.ceil(np.maximum(way / _PIECE_MM, turn / _PIECE) - 1e-6).astype(int))
     after = np.repeat(np.arange(1, len(position)), pieces)
     start = after - 1
@@ -378,7 +378,7 @@ class Machine:
 
 def _cut_length(layer: Layer) -> Float:
     """Length (k,) that was cut from the layer's beginning to each of its points, mm."""
-    way = np.linalg.norm(np.diff(layer.position_mm, axis=0), axis=1)
+    way = chords_mm(layer.position_mm)
     return np.concatenate([[0.0], np.cumsum(way * (layer.cutting[:-1] & layer.cutting[1:]))])
 
 

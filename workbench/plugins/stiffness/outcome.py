@@ -22,6 +22,7 @@ from workbench.api import (
     Toolpath,
     base_from_targets,
     cell_triangles,
+    chords_mm,
     forward_kinematics,
     inverse,
     pieces,
@@ -161,8 +162,8 @@ def _too_fast(cell: Cell, joints: Float, points: PathPoints) -> tuple[str, ...]:
 
 def _feeds(points: PathPoints, position_mm: Float) -> Float:
     """Feeds in the base that take as long from point to point as the path's own do on the workpiece."""
-    way = np.linalg.norm(np.diff(position_mm, axis=0), axis=1)
-    planned = np.linalg.norm(np.diff(points.part_mm, axis=0), axis=1)
+    way = chords_mm(position_mm)
+    planned = chords_mm(points.part_mm)
     same = np.isclose(way, planned, rtol=1e-9, atol=1e-9) | (planned < 1e-6) | (way < 1e-6)
     ratio = np.where(same, 1.0, way / np.where(same, 1.0, planned))
     return np.append(points.feed_mm_s[:1], points.feed_mm_s[1:] * ratio)

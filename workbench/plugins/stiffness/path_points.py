@@ -20,6 +20,7 @@ from workbench.api import (
     Shaped,
     Toolpath,
     Travel,
+    chords_mm,
     interpolate_poses,
     inverse,
     pose_from,
@@ -58,7 +59,7 @@ class PathPoints:
     @property
     def time_steps_s(self) -> Float:
         """Time (n,) from the point before, at the path's own feed; what stands still takes a millisecond."""
-        way = np.linalg.norm(np.diff(self.part_mm, axis=0), axis=1)
+        way = chords_mm(self.part_mm)
         return np.asarray(np.maximum(np.append(0.0, way / self.feed_mm_s[1:]), 1e-3))
 
     def only(self, indices: Int) -> PathPoints:
@@ -141,7 +142,7 @@ def path_points(
 
 def _between(position_mm: Float, quaternion: Float, step_mm: float) -> tuple[Float, Float]:
     """Places (m,) between n points, as indices of them, no farther apart than a step; and the poses there."""
-    pieces = np.maximum(np.ceil(np.linalg.norm(np.diff(position_mm, axis=0), axis=1) / step_mm), 1).astype(int)
+    pieces = np.maximum(np.ceil(chords_mm(position_mm) / step_mm), 1).astype(int)
     at = np.append(np.repeat(np.arange(len(pieces)), pieces), len(pieces)).astype(float)
     at[:-1] += np.concatenate([np.arange(k) / k for k in pieces.tolist()] or [np.zeros(0)])
     return at, interpolate_poses(at, np.arange(len(position_mm), dtype=float), position_mm, quaternion)

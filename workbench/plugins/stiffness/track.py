@@ -12,7 +12,7 @@ import dataclasses
 
 import numpy as np
 
-from workbench.api import DEG, Cell, Float, base_from_targets, within_margins
+from workbench.api import DEG, Cell, Float, base_from_targets, chords_mm, within_margins
 from workbench.plugins.stiffness.path_points import PathPoints
 
 WINDOW_MM = 600.0  # of arc length, over which the tool's way along the track is averaged
@@ -33,7 +33,7 @@ def along_track(cell: Cell, points: PathPoints) -> PathPoints:
 def tool_mm(cell: Cell, points: PathPoints) -> Float:
     """How far the tool is along the track (n,), mean over the window."""
     along = (base_from_targets(cell, 0.0) - base_from_targets(cell, DEG))[:3, 3]  # a millimetre of the track
-    steps = np.linalg.norm(np.diff(points.part_mm, axis=0), axis=1)
+    steps = chords_mm(points.part_mm)
     arc = np.append(0.0, np.cumsum(np.maximum(steps, 1e-9)))
     there = points.part_mm @ along
     area = np.append(0.0, np.cumsum((there[1:] + there[:-1]) / 2 * np.diff(arc)))

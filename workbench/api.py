@@ -16,6 +16,7 @@ from workbench.geometry.moves import chords_mm
 from workbench.geometry.poses import (
     interpolate_poses,
     inverse,
+    mapped,
     pose_from,
     quaternion_from_rotation,
     rotation_from_quaternion,
@@ -149,6 +150,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "kernel",
     "known_conventions",
     "known_profile_readings",
+    "mapped",
     "motions",
     "nearest",
     "numbered_lines",

@@ -15,7 +15,7 @@ from workbench.artefacts.evidence import UNKNOWN_PART, Check, Part
 from workbench.artefacts.showing import columns_table, space_scene
 from workbench.errors import InputError
 from workbench.geometry.moves import step_lengths_mm, travel_time_s
-from workbench.geometry.poses import rotation_from_quaternion
+from workbench.geometry.poses import mapped, rotation_from_quaternion
 from workbench.units import DEG, Bool, Float, Int, Shaped
 
 
@@ -166,7 +166,7 @@ class Toolpath:
     def in_base(self, position_mm: Float) -> Float:
         """Positions (k, 3) of the path, in the base."""
         pose = self.base_from_workobject
-        return position_mm if pose is None else position_mm @ pose[:3, :3].T + pose[:3, 3]
+        return position_mm if pose is None else mapped(pose, position_mm)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

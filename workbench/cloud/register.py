@@ -14,6 +14,7 @@ from workbench.cloud.read import in_process, unit_stated
 from workbench.cloud.units import MM, Unit
 from workbench.errors import InputError
 from workbench.geometry.coarse import coarse_registration, fine_registration
+from workbench.geometry.poses import mapped
 from workbench.stage import InputFile, Seed, stage
 from workbench.strict_json import strict_json
 
@@ -81,5 +82,5 @@ def register(
         "reach_mm": reach_mm,
         "voxel_mm": voxel_mm,
     }
-    moved = points.points_mm @ pose[:3, :3].T + pose[:3, 3]
+    moved = mapped(pose, points.points_mm)
     return replace(points, points_mm=frozen(moved)), Document("cloud_registration.json", strict_json(content))

@@ -18,6 +18,7 @@ from workbench.compare.local_planes import Surfels, heights, on_mesh, surfels
 from workbench.compare.statistics import Summary, median, path_error_u, summarise
 from workbench.compare.surface import Deviations, Registration, Surface
 from workbench.errors import InputError
+from workbench.geometry.poses import mapped
 from workbench.stage import stage
 from workbench.strict_json import strict_json
 from workbench.units import Float, Shaped
@@ -106,7 +107,7 @@ def moved(scan: Surface, registration: Registration) -> Surface:
     """The scan where the registration puts it."""
     pose = registration.reference_from_scan
     axis = None if scan.range_axis is None else pose[:3, :3] @ scan.range_axis
-    return dataclasses.replace(scan, points_mm=scan.points_mm @ pose[:3, :3].T + pose[:3, 3], range_axis=axis)
+    return dataclasses.replace(scan, points_mm=mapped(pose, scan.points_mm), range_axis=axis)
 
 
 # `deviation.json` (docs/comparison.md): strict JSON, mm.

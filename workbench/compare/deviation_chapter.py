@@ -11,6 +11,7 @@ from workbench import pieces
 from workbench.artefacts import Chapter
 from workbench.compare.statistics import Summary
 from workbench.compare.surface import Deviations, Registration, Surface
+from workbench.geometry.poses import inverse, mapped
 from workbench.marks import DIVERGING, Colour, ramp
 from workbench.pieces import BLUE, GREY, ORANGE, PALE
 from workbench.plot import Axes, Figure, nice_ticks
@@ -153,8 +154,8 @@ def _registration(found: Registration | None, position_u_mm: float) -> list[str]
                 f"along a normal: {position_u_mm:g} mm."
             )
         ]
-    back = np.linalg.inv(found.reference_from_scan)
-    shift = found.pivot_mm - (back[:3, :3] @ found.pivot_mm + back[:3, 3])
+    back = inverse(found.reference_from_scan)
+    shift = found.pivot_mm - mapped(back, found.pivot_mm)
     turn = math.degrees(math.acos(float(np.clip((np.trace(back[:3, :3]) - 1) / 2, -1.0, 1.0))))
     u = np.sqrt(np.diagonal(found.covariance))
     facts = [

@@ -20,7 +20,7 @@ from workbench.compare.local_planes import Surfels, Target, surfels, target_of
 from workbench.compare.surface import Registration, Surface, rigid
 from workbench.errors import InputError
 from workbench.geometry.coarse import coarse_registration, fine_registration
-from workbench.geometry.poses import inverse, pose_from, rotation_from_vector, vector_from_rotation
+from workbench.geometry.poses import inverse, mapped, pose_from, rotation_from_vector, vector_from_rotation
 from workbench.stage import stage
 from workbench.strict_json import strict_json
 from workbench.units import Bool, Float, Int, Shaped
@@ -86,7 +86,7 @@ def refine(
 
 def equations_at(source: Surfels, target: Target, pose: Float, reach_mm: float) -> Equations:
     """Equations of the flat places of a scan that find a place with the same normal within reach."""
-    points, normals = source.centre_mm @ pose[:3, :3].T + pose[:3, 3], source.normal @ pose[:3, :3].T
+    points, normals = mapped(pose, source.centre_mm), source.normal @ pose[:3, :3].T
     foot, normal = target(points)
     height = ((points - foot) * normal).sum(axis=1)
     with np.errstate(invalid="ignore"):
@@ -114,7 +114,7 @@ def _without_open_motion(equations: Equations, pose: Float, initial: Float) -> F
     size, vectors = equations.directions()
     motion = pose @ inverse(initial)
     turn = vector_from_rotation(motion[:3, :3])
-    shift = motion[:3, :3] @ equations.pivot_mm + motion[:3, 3] - equations.pivot_mm
+    shift = mapped(motion, equations.pivot_mm) - equations.pivot_mm
     step = np.r_[shift, turn * equations.lever_mm]
     known = vectors[:, size > OPEN]
     return moved(equations, known @ (known.T @ step)) @ initial

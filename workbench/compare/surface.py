@@ -15,7 +15,7 @@ from workbench.artefacts import UNKNOWN_PART, Check, Cloud, Part, PointSet, Tool
 from workbench.children import read_by
 from workbench.compare import mesh_reader
 from workbench.errors import InputError
-from workbench.geometry.poses import is_rigid, rotation_from_quaternion
+from workbench.geometry.poses import is_rigid, mapped, rotation_from_quaternion
 from workbench.stage import InputFile, stage
 from workbench.units import Bool, Float, Int, Shaped
 
@@ -144,7 +144,7 @@ def mesh(
     points = points * (1.0 if mesh.suffix.lower() in cad.SUFFIXES else TO_MM[unit])
     if base_from_mesh is not None:
         pose = rigid(base_from_mesh, "compare.mesh.base_from_mesh")
-        points = points @ pose[:3, :3].T + pose[:3, 3]
+        points = mapped(pose, points)
     return Surface(points, triangles=triangles, source=str(mesh))
 
 

@@ -66,6 +66,14 @@ def inverse(a_from_b: Float) -> Float:
     return pose_from(transposed, -(transposed @ a_from_b[..., :3, 3:])[..., 0])
 
 
+def mapped(a_from_b: Float, points: Float) -> Float:
+    """Coordinates in a of points (..., 3) in b, by one pose (4, 4) for all or by poses (..., 4, 4), one for each."""
+    rotation, shift = a_from_b[..., :3, :3], a_from_b[..., :3, 3]
+    if a_from_b.ndim == 2:
+        return np.asarray(points @ rotation.T + shift)
+    return np.asarray((rotation @ points[..., None])[..., 0] + shift)
+
+
 def rotation_from_quaternion(quaternion_wxyz: Float) -> Float:
     """Rotation matrices (..., 3, 3) of unit quaternions (..., 4); q and -q give the same."""
     w, x, y, z = np.moveaxis(np.asarray(quaternion_wxyz, float), -1, 0)

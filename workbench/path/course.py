@@ -17,7 +17,7 @@ import scipy
 from workbench.artefacts import Edge, Layer, PathDeflection, RawEdge, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.geometry.course import fit_course
-from workbench.geometry.poses import quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
+from workbench.geometry.poses import mapped, quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
 from workbench.geometry.processes import Shared
 from workbench.geometry.splines import hermite, through
 from workbench.units import DEG, Bool, Float, Shaped
@@ -82,7 +82,7 @@ def poses_of(toolpath: Toolpath, points: Layer | Travel) -> Poses:
     axes, origin = rotation_from_quaternion(points.quaternion_wxyz), points.position_mm
     work = toolpath.base_from_workobject
     if work is not None:
-        axes, origin = work[:3, :3] @ axes, origin @ work[:3, :3].T + work[:3, 3]
+        axes, origin = work[:3, :3] @ axes, mapped(work, origin)
     return Poses(origin, axes[:, :, 0], axes[:, :, 1], axes[:, :, 2])
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.artefacts import Judgement, Scene, Strokes
-from workbench.geometry.poses import inverse
+from workbench.geometry.poses import inverse, mapped
 from workbench.robot.bounds import CollisionScreen
 from workbench.robot.cell import Cell
 from workbench.robot.collision import base_from_targets, standing_poses
@@ -54,7 +54,7 @@ def playback(judgement: Judgement, cell: Cell) -> Scene | None:
         if 2 * shape.sphere[1] <= HUGE_MM:
             name = "robot" if 0 <= shape.link <= 6 and shape.body not in COLOURS else shape.body
             corners = shape_triangles(shape, sides=8)  # so few that a capsule has edges to be drawn
-            lines = edges(corners @ shape.pose[:3, :3].T + shape.pose[:3, 3])
+            lines = edges(mapped(shape.pose, corners))
             bodies.setdefault((name, shape.link), []).extend(lines)
     strokes = [
         Strokes(name, tuple(lines), (_colour(name, 2),) * len(lines), moved=moved[max(link, 0)])

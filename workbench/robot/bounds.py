@@ -16,7 +16,7 @@ import itertools
 import numpy as np
 
 from workbench.geometry.blocks import in_order
-from workbench.geometry.poses import inverse
+from workbench.geometry.poses import inverse, mapped
 from workbench.robot.bound_kernels import (
     BOX,
     CYLINDER,
@@ -84,7 +84,7 @@ def _volume(shape: Shape) -> tuple[Float, float]:
         longest = int(np.argmax(half))
         axis = half * (np.arange(3) == longest)
         radius = float(np.linalg.norm(np.delete(half, longest)))
-    return np.array([pose[:3, :3] @ (s * axis) + pose[:3, 3] for s in (-1, 1)]), radius
+    return np.array([mapped(pose, s * axis) for s in (-1, 1)]), radius
 
 
 def _solid(shape: Shape) -> int:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from workbench.geometry.poses import mapped
 from workbench.geometry.splat import Camera
 from workbench.robot.cell import Cell, Shape
 from workbench.robot.collision import standing_poses
@@ -42,7 +43,7 @@ def cell_triangles(cell: Cell, joints: Float, turntable: Float | float, sides: i
     for shape in cell.shapes:
         pose, corners = moved[max(shape.link, 0)] @ shape.pose, shape_triangles(shape, sides)
         area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-        found.append((shape.body, corners[area > 0] @ pose[:3, :3].T + pose[:3, 3]))
+        found.append((shape.body, mapped(pose, corners[area > 0])))
     return found
 
 

@@ -20,7 +20,7 @@ import functools
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.geometry.poses import rotation_from_vector, vector_from_rotation
+from workbench.geometry.poses import mapped, rotation_from_vector, vector_from_rotation
 from workbench.kernels import kernel
 from workbench.robot.kinematics import Chain, forward_kinematics, jacobian
 from workbench.robot.wrist import (
@@ -76,7 +76,7 @@ def inverse_kinematics(chain: Chain, base_from_flange: Float) -> Float:
         return offset_inverse(chain, offset, flat).reshape(*poses.shape[:-2], MOST, 6)
     at_zero = chain.base_from_flange_at_zero
     in_flange = at_zero[:3, :3].T @ (wrist.centre_mm - at_zero[:3, 3])
-    first = _first_three(chain, wrist, flat[:, :3, :3] @ in_flange + flat[:, :3, 3])
+    first = _first_three(chain, wrist, mapped(flat, in_flange))
     solved = _with_wrist(chain.axes, np.ascontiguousarray(at_zero[:3, :3].T), first, flat)
     return np.asarray(solved.reshape(*poses.shape[:-2], BRANCHES, 6))
 

@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from workbench.geometry.poses import mapped
 from workbench.kernels import kernel
 from workbench.units import DEG, AnyArray, Float, Shaped
 
@@ -92,7 +93,7 @@ def joint_axes(chain: Chain, joints: Float) -> tuple[Float, Float]:
     """Unit axes (..., 6, 3) of the joints and points on them (..., 6, 3), in the base, at joint angles (..., 6)."""
     before = motions(chain, joints)[..., :6, :, :]
     axes = (before[..., :3, :3] @ chain.axes[:, :, None])[..., 0]
-    points = (before[..., :3, :3] @ chain.points_mm[:, :, None])[..., 0] + before[..., :3, 3]
+    points = mapped(before, chain.points_mm)
     return axes, points
 
 
@@ -100,7 +101,7 @@ def jacobian(chain: Chain, joints: Float, point_mm: Float | None = None) -> Floa
     """J (..., 6, 6) at joint angles (..., 6), of the point `point_mm` (3,) in the flange frame (None: its origin)."""
     axes, points = joint_axes(chain, joints)
     flange = forward_kinematics(chain, joints)
-    tip = flange[..., :3, 3] if point_mm is None else (flange[..., :3, :3] @ point_mm) + flange[..., :3, 3]
+    tip = flange[..., :3, 3] if point_mm is None else mapped(flange, point_mm)
     return jacobian_at(axes, points, tip)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from PIL import Image
 
 from workbench.errors import InputError, PipelineError
+from workbench.geometry.poses import mapped
 from workbench.geometry.splat import Camera
 from workbench.robot.cell import ON_BASE, Cell
 from workbench.robot.collision import Clearance, CollisionModel, external_at, turntable_pose
@@ -52,7 +53,7 @@ def reach_mm(chain: Chain) -> tuple[float, str]:
     q = np.zeros((len(second), len(third), 6))
     q[..., 1], q[..., 2] = second[:, None], third
     moved = motions(chain, q)[..., 3 if what == "wrist centre" else 6, :, :]
-    arm = moved[..., :3, :3] @ point + moved[..., :3, 3] - chain.points_mm[0]
+    arm = mapped(moved, point) - chain.points_mm[0]
     return float(np.linalg.norm(np.cross(arm, chain.axes[0]), axis=-1).max()), what
 
 
@@ -64,7 +65,7 @@ def singularities(chain: Chain, joints: Float) -> list[str]:
         return []
     axes, points = joint_axes(chain, joints)
     moved = motions(chain, joints)[3]
-    arm = np.cross(axes[:3], moved[:3, :3] @ centre + moved[:3, 3] - points[:3]) / arm_size_mm(chain, centre)
+    arm = np.cross(axes[:3], mapped(moved, centre) - points[:3]) / arm_size_mm(chain, centre)
     found = []
     if np.linalg.svd(axes[3:], compute_uv=False)[2] < SINGULAR:
         found.append("axes 4, 5 and 6 lie in a plane, the wrist cannot turn in every direction")

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.geometry.poses import mapped
 from workbench.robot.cell import Shape
 from workbench.robot.cell_file import (
     AxisPart,
@@ -128,7 +129,7 @@ def _out_of_reach(table: TurntablePart, room: EnvelopePart) -> Iterator[tuple[st
     """What is milled on a turntable lies where robot and tool may go; a mesh is not looked at."""
     bodies = [_corners(shape) for shape in table.shapes]
     pose = _matrix(table.base_from_turntable)
-    placed = [one @ pose[:3, :3].T + pose[:3, 3] for one in bodies if one is not None]
+    placed = [mapped(pose, one) for one in bodies if one is not None]
     beyond = [
         (one.min(axis=(0, 1)) > np.array(room.highest_mm)).any()
         or (one.max(axis=(0, 1)) < np.array(room.lowest_mm)).any()
@@ -254,7 +255,7 @@ def _corners(part: ShapePart) -> Float | None:
     if part.solid is None:
         return None
     shape = _shape(part)
-    return np.asarray(shape_triangles(shape) @ shape.pose[:3, :3].T + shape.pose[:3, 3])
+    return mapped(shape.pose, shape_triangles(shape))
 
 
 def _depth_mm(triangles: Float, point_mm: Float) -> float:

@@ -19,7 +19,7 @@ import numpy as np
 from workbench.children import read_by
 from workbench.errors import InputError, nearest
 from workbench.extras import Extra
-from workbench.geometry.poses import inverse, pose_from, rotation_from_rpy
+from workbench.geometry.poses import inverse, mapped, pose_from, rotation_from_rpy
 from workbench.robot.cell import Shape, read_mesh
 from workbench.robot.kinematics import CONVENTIONAL, Bodies, Chain
 from workbench.storage import regular_file
@@ -87,7 +87,7 @@ def read_urdf(
         name=str(model.name),
         joint_names=tuple(model.names)[1:],
         axes=data.J[3:].T @ to_base[:3, :3].T,
-        points_mm=points @ to_base[:3, :3].T + to_base[:3, 3],
+        points_mm=mapped(to_base, points),
         base_from_flange_at_zero=flange,
         limits=np.column_stack([model.lowerPositionLimit, model.upperPositionLimit]),
         speeds=np.array(model.velocityLimit),

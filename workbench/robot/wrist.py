@@ -21,6 +21,7 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.geometry.moves import chords_mm
+from workbench.geometry.poses import mapped
 from workbench.kernels import kernel
 from workbench.robot.kinematics import Chain, joint_axes, motions
 from workbench.units import AnyArray, Bool, Float, Shaped
@@ -118,10 +119,10 @@ def arm_sides(chain: Chain, joints: Float) -> Bool:
     forward = np.cross(side, up)
     moved = motions(chain, np.asarray(joints, float).reshape(-1, 6))
     turn = moved[:, 1, :3, :3]  # of what axis 1 carries
-    wrist = moved[:, 3, :3, :3] @ centre + moved[:, 3, :3, 3]
-    elbow = moved[:, 2, :3, :3] @ o[2] + moved[:, 2, :3, 3]
-    shoulder = moved[:, 1, :3, :3] @ o[1] + moved[:, 1, :3, 3]
-    hand = moved[:, link, :3, :3] @ beyond + moved[:, link, :3, 3]
+    wrist = mapped(moved[:, 3], centre)
+    elbow = mapped(moved[:, 2], o[2])
+    shoulder = mapped(moved[:, 1], o[1])
+    hand = mapped(moved[:, link], beyond)
     behind = np.einsum("ni,ni->n", turn @ forward, hand - o[0]) < 0
     bent = np.einsum("ni,ni->n", turn @ side, np.cross(elbow - shoulder, wrist - elbow))
     flipped = np.sin(np.asarray(joints, float).reshape(-1, 6)[:, 4]) * np.sign(h[4] @ side) < 0
@@ -207,7 +208,7 @@ def centre_at(chain: Chain, centre_mm: Float, q: Float, size: float) -> tuple[Fl
     """The wrist's centre (..., 3) at angles (..., 3) and its slopes (..., 3, 3), in units of `size`."""
     six = np.concatenate([q, np.zeros_like(q)], axis=-1)
     moved = motions(chain, six)[..., 3, :, :]
-    at = moved[..., :3, :3] @ centre_mm + moved[..., :3, 3]
+    at = mapped(moved, centre_mm)
     axes, points = joint_axes(chain, six)
     slope = np.cross(axes[..., :3, :], at[..., None, :] - points[..., :3, :])
     return at / size, np.swapaxes(slope, -1, -2) / size

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.geometry.poses import inverse
+from workbench.geometry.poses import inverse, mapped
 from workbench.kernels import kernel
 from workbench.synthetic import raycast
 from workbench.synthetic.workpiece import (
@@ -342,7 +342,7 @@ class Stock:
 
     def u_of(self, position_mm: Float) -> Float:
         """u (k,) of base points (k, 3)."""
-        return raycast.project_all(self.surface, _moved(self.part_from_base, position_mm))[:, 0]
+        return raycast.project_all(self.surface, mapped(self.part_from_base, position_mm))[:, 0]
 
     @property
     def u(self) -> Float:
@@ -407,7 +407,3 @@ class Stock:
         last = (np.maximum(*ends) + aside) / cut.u_step_mm
         columns = np.clip([np.minimum(first[:-1], first[1:]), np.maximum(last[:-1], last[1:]) + 1], 0, len(cut.u))
         return columns.astype(np.int64)[0], columns.astype(np.int64)[1]
-
-
-def _moved(a_from_b: Float, points: Float) -> Float:
-    return points @ a_from_b[:3, :3].T + a_from_b[:3, 3]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.artefacts import Recording
-from workbench.geometry.poses import inverse
+from workbench.geometry.poses import inverse, mapped
 from workbench.recording_file import Frames
 from workbench.synthetic.groove_truth import GrooveSizes, GrooveTruth
 from workbench.synthetic.raycast import Sensor
@@ -95,7 +95,7 @@ def prism_truth(recipe: PrismRecipe, seen_x: list[Float]) -> GrooveTruth:
     return GrooveTruth(
         closed=False,
         arc_length_mm=x,
-        position_mm=np.stack([x, zero, zero], axis=1) @ base[:3, :3].T + base[:3, 3],
+        position_mm=mapped(base, np.stack([x, zero, zero], axis=1)),
         tangent=np.tile(base[:3, 0], (len(x), 1)),
         seen=seen_near(x, seen_x, recipe.robot.frame_pitch_mm),
         recipe=recipe,

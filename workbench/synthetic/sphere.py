@@ -10,6 +10,7 @@ import numpy as np
 from workbench.artefacts import Recording
 from workbench.geometry.poses import (
     inverse,
+    mapped,
     pose_from,
     quaternion_from_rotation,
     rotation_from_rpy,
@@ -280,7 +281,7 @@ def flange_poses(recipe: SphereRecipe, one: SpherePass, time_s: Float) -> Float:
     nominal = rotation_from_rpy(*(np.array(robot.nominal_rpy_deg) * DEG))
     turned = nominal @ rotation_from_vector(np.array(one.turn_deg) * DEG) @ rotation_from_vector(swing)
     flange_from_profiler = pose(robot.flange_from_profiler)
-    in_flange = in_profiler(recipe.scanner, view) @ flange_from_profiler[:3, :3].T + flange_from_profiler[:3, 3]
+    in_flange = mapped(flange_from_profiler, in_profiler(recipe.scanner, view))
     return pose_from(turned, _center(recipe, one) - (turned @ in_flange[..., None])[..., 0])
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.geometry.moves import within
-from workbench.geometry.poses import inverse, pose_from, rotation_from_rpy
+from workbench.geometry.poses import inverse, mapped, pose_from, rotation_from_rpy
 from workbench.storage import digest_of
 from workbench.strict_json import read_json
 from workbench.synthetic import raycast
@@ -299,7 +299,7 @@ class Truth:
 
     def _parameter_at(self, position_mm: Float) -> Float:
         part_from_base = inverse(pose(self.recipe.part.base_from_part))
-        points = np.asarray(position_mm, dtype=float) @ part_from_base[:3, :3].T + part_from_base[:3, 3]
+        points = mapped(part_from_base, np.asarray(position_mm, dtype=float))
         u = raycast.project_all(self._surface, points.reshape(-1, 3))[:, 0]
         return np.asarray(u.reshape(points.shape[:-1]))
 

@@ -20,6 +20,7 @@ from workbench.artefacts import Engagement, Layer, LayerEngagement, PathCorrecti
 from workbench.errors import InputError
 from workbench.geometry.moves import arc_lengths_mm, chords_mm, within
 from workbench.geometry.poses import (
+    mapped,
     pose_from,
     quaternion_from_rotation,
     rotation_from_quaternion,
@@ -280,7 +281,7 @@ class Mechanics:
         `layer`: the layer's index, 0 in a travel. Each `draw` has a robot error of its own.
         """
         rotation = self.base_from_path[:3, :3] @ rotation_from_quaternion(quaternion_wxyz)
-        position = position_mm @ self.base_from_path[:3, :3].T + self.base_from_path[:3, 3]
+        position = mapped(self.base_from_path, position_mm)
         turned = rotation_from_vector(self.rotation) @ rotation
         bent = self.deflection_mm + self.deflections_mm.get(layer, np.zeros((len(position), 3)))
         travelled = arc_lengths_mm(position)

@@ -25,6 +25,7 @@ from workbench.api import (
     Part,
     RobotFile,
     Shaped,
+    mapped,
     pieces,
 )
 from workbench.plugins.calibration.tables import beside, results, sentence
@@ -93,7 +94,7 @@ def corrected(chain: Chain, errors: ArmErrors, x: Float) -> tuple[Chain, ArmErro
             turn = moved[:3, :3] @ errors.twist[p, 3:]
             twist[p] = np.concatenate([moved[:3, :3] @ errors.twist[p, :3] + np.cross(moved[:3, 3], turn), turn])
         axes[k] = moved[:3, :3] @ chain.axes[k]
-        points[k] = moved[:3, :3] @ chain.points_mm[k] + moved[:3, 3]
+        points[k] = mapped(moved, chain.points_mm[k])
     flange = moved @ chain.base_from_flange_at_zero
     return replace(chain, axes=axes, points_mm=points, base_from_flange_at_zero=flange), replace(errors, twist=twist)
 

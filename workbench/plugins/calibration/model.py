@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.api import DEG, AnyArray, Float, Shaped, estimator, rotation_from_vector, vector_from_rotation
+from workbench.api import DEG, AnyArray, Float, Shaped, estimator, mapped, rotation_from_vector, vector_from_rotation
 from workbench.plugins.calibration.observations import Flange, Observations, Timed, sharing
 
 LEAST_MM = (16.0, 20.0)  # half sides of a field of view: the paper's sensor; a sphere alone may show less of one
@@ -137,7 +137,7 @@ def to_base(centre: Float, estimate: Estimate, seen: Observations) -> Float:
     """Points (k, 3) of the profiler frame in the base."""
     at = centre @ estimate.rotation.T + estimate.translation_mm
     poses = seen.here.base_from_flange
-    return np.asarray((poses[:, :3, :3] @ at[..., None])[..., 0] + poses[:, :3, 3])
+    return mapped(poses, at)
 
 
 def shared_of(linear: Linear, flange: Flange, noise: Noise) -> tuple[estimator.Shared, ...]:

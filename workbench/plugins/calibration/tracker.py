@@ -24,6 +24,7 @@ from workbench.api import (
     Shaped,
     estimator,
     inverse,
+    mapped,
     pose_from,
     rotation_from_vector,
     stage,
@@ -126,14 +127,14 @@ class Tracking:
         seen, weight, frame = self.seen, np.ones(len(self.seen.lines)), np.eye(4)
         points = np.zeros((len(seen.targets), 3))
         for _ in range(START_ROUNDS):
-            at = np.einsum("nij,nj->ni", seen.flange[:, :3, :3], points[seen.target]) + seen.flange[:, :3, 3]
+            at = mapped(seen.flange, points[seen.target])
             a, b = np.average(at, axis=0, weights=weight), np.average(seen.place_mm, axis=0, weights=weight)
             with warnings.catch_warnings():  # readings on a line: any turn about it will do to begin with
                 warnings.simplefilter("ignore")
                 turn = Rotation.align_vectors(seen.place_mm - b, at - a, weight)[0].as_matrix()
             frame = pose_from(turn, b - turn @ a)
             back = inverse(frame @ seen.flange)
-            local = np.einsum("nij,nj->ni", back[:, :3, :3], seen.place_mm) + back[:, :3, 3]
+            local = mapped(back, seen.place_mm)
             points = np.stack([np.median(local[seen.target == k], axis=0) for k in range(len(points))])
             off = np.linalg.norm(local - points[seen.target], axis=1)
             weight = 1.0 / np.maximum(1.0, off / max(float(np.median(off)), 1e-6)) ** 2

@@ -28,6 +28,7 @@ from workbench.api import (
     inverse_kinematics,
     jacobian_at,
     joint_axes,
+    mapped,
     pose_from,
     spherical_wrist,
     within_limits,
@@ -92,7 +93,7 @@ class Arm:
             path.base_from_cutter[..., :3, 3] @ turn.T + shift,
             path.load_mm @ turn.T + shift,
             path.force_n @ turn.T,
-            _vector(cutter_from_flange[:3, :3] @ self.wrist_in_flange_mm + cutter_from_flange[:3, 3]),
+            _vector(mapped(cutter_from_flange, self.wrist_in_flange_mm)),
             _vector(cutter_from_flange[:3, :3] @ self.axis_in_flange),
         )
         mean, *said = traverse_kernel(self._branch(branch), there, np.cos(angles), np.sin(angles))

@@ -18,6 +18,7 @@ from workbench.api import (
     jacobian_at,
     jacobian_derivative,
     joint_axes,
+    mapped,
     motions,
 )
 from workbench.plugins.stiffness.elastic import MM, geometric_stiffness
@@ -50,7 +51,7 @@ def bodies_of(cell: Cell, masses_kg: Sequence[float] | None) -> Bodies:
         else pin.Inertia(cell.tool_mass_kg, flange[:3, 3] / MM, np.zeros((3, 3)))
     )
     if at is not None:
-        tool.lever = (flange[:3, :3] @ at + flange[:3, 3]) / MM
+        tool.lever = mapped(flange, at) / MM
     whole = pin.Inertia(bodies.mass_kg[5], bodies.centre_mm[5] / MM, bodies.inertia_kg_m2[5]) + tool
     return Bodies(
         np.append(bodies.mass_kg[:5], whole.mass),
@@ -108,7 +109,7 @@ def mass_matrices(chain: Chain, bodies: Bodies, joints: Shaped[Float, "k 6"]) ->
     made = np.zeros((6, len(joints), 6, 6))
     for link in range(6):
         at = moved[:, link + 1]
-        centre = at[:, :3, :3] @ bodies.centre_mm[link] + at[:, :3, 3]
+        centre = mapped(at, bodies.centre_mm[link])
         slope = jacobian_at(axes, points, centre)
         slope[:, :3] /= MM
         slope[:, :, link + 1 :] = 0.0

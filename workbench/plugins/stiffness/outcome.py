@@ -25,6 +25,7 @@ from workbench.api import (
     chords_mm,
     forward_kinematics,
     inverse,
+    mapped,
     pieces,
     plot,
     posture_key,
@@ -182,7 +183,7 @@ def robots_html(cell: Cell, found: Found) -> str:
     drawn = []
     for name, joints, table in views:
         turned = found.points.moved(cell, table)
-        way = found.points.part_mm[found.points.cutting] @ turned[:3, :3].T + turned[:3, 3]
+        way = mapped(turned, found.points.part_mm[found.points.cutting])
         bodies = cell_triangles(cell, joints, table)
         size = max(CLOSE_UP_MM, BESIDE * float(np.ptp(way, axis=0).max()))
         drawn.append((posture_picture(cell, bodies, way), name))

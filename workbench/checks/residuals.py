@@ -46,10 +46,11 @@ LATE_BINS, FRAMES_A_LATE_BIN = (
 )  # of a pass at the most; frames of each at the least, whose median withstands strays
 LEAST_BINS = 24
 DEGREE = 3  # in arc length, of how a face may be twisted, or bend, without going with the clock
-# How many times more of the turn an offset explains than noise does: 60 good raw edges of both simulators reach 8.3,
-# half of those with late poses 8 to 100.
-SURE_LATE = 20.0
-USUAL_S = 0.1  # standard deviation of what an offset may be: one of seconds is no clock's
+WALK = 4  # degree, in time, of an offset that walks
+# How many times more of the turn a constant offset, or one that walks, explains than noise does, each of its unknowns:
+# 60 good raw edges of both simulators reach 8.3 and 4.0, half of those with late poses 8 to 100.
+SURE_LATE, SURE_WALK = 20.0, 7.0
+USUAL_S = 0.1  # standard deviation of what an offset may be, and of how it may walk: one of seconds is no clock's
 SHEARED = 0.05  # of what the orientation turns, that a face may seem to turn with it: of a hand-eye pose 3 deg off
 MOST_SWAY = 7.0 * DEG  # a scanner that turns by more may follow how the plate is twisted: all may go with it then
 SETTLED = 4  # rounds, in which the noise and what goes with the rate settle
@@ -105,9 +106,9 @@ def late_of(face: FaceAlong, pose: Float, time_s: Float, passes: Int) -> Late:
     """What a face tells of an offset of the clocks, by poses (N, 4, 4) at time_s (N,) in passes (N,).
 
     A plate does not turn or bend to and fro as a scanner does. What the face's direction leaves of a slow twist, and of
-    what goes with the orientation itself, is compared with the rate at which the poses turn about the edge, and what
-    its place leaves of a slow bend with the rate at which they carry it. Of clocks that walk apart, that tells the
-    middle. What two passes show alike at the same places is the plate's.
+    what goes with the orientation itself, is compared with the rate at which the poses turn about the edge, by an
+    offset that may walk, and what its place leaves of a slow bend with the rate at which they carry it, by a constant
+    one: waves of an edge look like one that walks. What two passes show alike at the same places is the plate's.
     """
     offset, unsure, by_turn, rate, oblique, turned, by_place = np.zeros((7, face.s.size))
     still_mm = np.zeros((face.s.size, 3))
@@ -123,11 +124,10 @@ def late_of(face: FaceAlong, pose: Float, time_s: Float, passes: Int) -> Late:
         rate = (spin * here.tangent).sum(axis=1)
         turning = _turning(here, rate, vector_from_rotation(rotation[0].T @ rotation), edges)
         moving = _moving(here, flow, edges)
-        (turns, by_turn_s), (moves, still) = _told(turning), _told(moving)
-        if turns or moves:  # by what is more certain
-            found.offset_s[mine] = still if moves > turns else by_turn_s
+        (turns, walk), (moves, still) = _told(turning), _told(moving)
+        found.offset_s[mine] = _walk(mine.size, still if moves > turns else walk)  # by what is more certain
         found.by_turn[mine], found.unsure_s[mine] = turns > 0.0, _unsure((turning, moving))
-        turned[mine], by_place[mine] = found.offset_s[mine] * found.by_turn[mine] * rate, still if moves else 0.0
+        turned[mine], by_place[mine] = found.offset_s[mine] * found.by_turn[mine] * rate, still[0]
         along = np.einsum("nji,nj->ni", rotation, np.cross(here.normal, here.tangent))
         found.rate[mine] = (_turned(rotation, here.normal, span) * along).sum(axis=1)
         across = flow - (flow * here.tangent).sum(axis=1, keepdims=True) * here.tangent
@@ -233,7 +233,7 @@ class _Channel(NamedTuple):
     """What b bins show, and what of it an offset would make; less what is slow of both."""
 
     shown: Shaped[Float, " b"]
-    by_rate: Shaped[Float, "b 1"]  # over USUAL_S
+    by_rate: Shaped[Float, "b k"]  # a constant one, and terms by which it walks, over USUAL_S
     beside: Shaped[Float, "b j"]  # what else may go with the scanner, by as much as is usual
     free: int  # of the bins
 
@@ -243,10 +243,15 @@ def _mean(of: Float, edges: Int) -> Float:
     return np.asarray(np.add.reduceat(of, edges[:-1], axis=0) / np.diff(edges).reshape(-1, *[1] * (of.ndim - 1)))
 
 
+def _walk(count: int, terms: Float) -> Float:
+    """An offset (count, ...) that walks in time by terms (k, ...)."""
+    return np.asarray(np.polynomial.legendre.legval(np.linspace(-1.0, 1.0, count), terms).T)
+
+
 def _turning(face: FaceAlong, rate: Float, orientation: Float, edges: Int) -> _Channel:
     """By the face's direction, against how fast (n,) the poses turn about the edge."""
     known = twisted(_mean(face.s, edges), DEGREE)
-    by_rate = USUAL_S * _mean(rate, edges)[:, None]
+    by_rate = USUAL_S * _mean(rate, edges)[:, None] * _walk(edges.size - 1, np.eye(WALK + 1))
     sways = np.ptp(orientation, axis=0).max() < MOST_SWAY
     beside, left = (SHEARED if sways else 1.0) * _mean(orientation, edges), medians(face.angle, edges)
     left, by_rate, beside = (of - known @ (known.T @ of) for of in (left, by_rate, beside))
@@ -263,11 +268,14 @@ def _moving(face: FaceAlong, flow: Float, edges: Int) -> _Channel:
     return _Channel(shown, USUAL_S * along[:, None], np.zeros((shown.size, 0)), shown.size - known.shape[1])
 
 
-def _told(channel: _Channel) -> tuple[float, float]:
-    """How many times more than noise an offset explains, 0 where it is not certain, and that offset, s."""
-    (_, none, _), (offset, one, noise) = (_fitted(channel, terms) for terms in (0, 1))
-    certain = (none - one) / noise
-    return (certain if certain > SURE_LATE else 0.0), float(offset[0])
+def _told(channel: _Channel) -> tuple[float, Float]:
+    """How many times more than noise an offset explains, 0 where it is not certain, and the terms of its walk, s."""
+    more = channel.by_rate.shape[1] - 1
+    (_, none, _), (still, one, _), (walk, every, noise) = (_fitted(channel, terms) for terms in (0, 1, more + 1))
+    certain, walks = (none - one) / noise > SURE_LATE, (none - every) / noise > SURE_WALK * (more + 1)
+    if more and walks and (not certain or (one - every) / noise > SURE_WALK * more):
+        return (none - every) / noise, walk
+    return ((none - one) / noise, still) if certain else (0.0, 0.0 * still)
 
 
 def _fitted(channel: _Channel, terms: int) -> tuple[Float, float, float]:

@@ -104,21 +104,21 @@ class _Own(NamedTuple):
 
     value: Shaped[Float, " N"]
     slope: Shaped[Float, " N"]
-    stiffness: Shaped[Float, "j 4"] | None  # of the courses of all passes; None: none shows it
+    stiffness: tuple[Float, ...] | None  # of the courses of all passes; None: none shows it
 
 
 def _by_pass(at: Float, value: Float, variance: Float | None, group: Int, s: Float) -> _Own:
     """By values (N,) at `at` (N,), in the frames' own sections at s (N,)."""
     safe, good = np.where(np.isfinite(s), s, 0.0), np.isfinite(at) & np.isfinite(value)
-    course, slope, stiffness = value.copy(), np.zeros(s.size), []
+    course, slope, stiffness = value.copy(), np.zeros(s.size), list[Float]()
     for one in np.unique(group[good]):
         mine = group == one
         if (good & mine).sum() < 3 or np.ptp(value[good & mine]) == 0.0:
             continue
         found = fit_course(at[mine], value[mine], None if variance is None else variance[mine], group[mine])
         course[mine], slope[mine] = found.value(safe[mine]), found.slope(safe[mine])
-        stiffness.append(found.stiffness)
-    return _Own(course, slope, np.unique(np.concatenate(stiffness), axis=0) if stiffness else None)
+        stiffness += found.stiffness
+    return _Own(course, slope, (np.unique(np.concatenate(stiffness), axis=0),) if stiffness else None)
 
 
 def _square(section: SectionLines, own: _Own, meet: Float, s: Float, group: Int) -> FaceLine:

@@ -25,8 +25,8 @@ from workbench.edge.raw_local import local_mean
 from workbench.errors import InputError
 from workbench.geometry.blocks import evenly
 from workbench.geometry.chains import FaceLines
-from workbench.geometry.course import Course, fit_course, process_told
-from workbench.geometry.curves import POSE_MM, Curve, along_motion, curve_through, fit_curve
+from workbench.geometry.course import Course, fit_course, processes_told
+from workbench.geometry.curves import Curve, along_motion, curve_through, fit_curve
 from workbench.geometry.end_face import MARGIN_MM
 from workbench.geometry.grids import columns_to_next
 from workbench.geometry.processes import Process, Shared
@@ -122,19 +122,15 @@ class Robot(NamedTuple):
     def before(self) -> Shared:
         """What frames share, before any of them is looked at."""
         if self.noise_mm is None or self.length_mm is None:
-            return Shared(followed=True)
-        return Shared(None, Process(self.noise_mm, self.length_mm), may_step=True)
+            return Shared()
+        return Shared(None, (Process(self.noise_mm, self.length_mm),), may_step=True)
 
     def shared(self, s: Float, stand_out: Float, pass_index: Int) -> Shared:
-        """What frames share: as declared, else by how the end faces (N,) of frames at s (N,) stand out, mm.
-
-        Errors that are declared explain what the edge need not; of others its own waves may as well be the cause.
-        """
+        """What frames share: as declared, else by how the end faces (N,) of frames at s (N,) stand out, mm."""
         strengths = STRENGTHS_MM if self.noise_mm is None else (self.noise_mm,)
         lengths = LENGTHS_MM if self.length_mm is None else (self.length_mm,)
-        possible = Process(*(of.ravel() for of in np.meshgrid(strengths, lengths)))
-        process = process_told(s, stand_out, pass_index, possible)
-        return Shared(None, process, followed=self.before.followed, may_step=True)
+        possible = [Process(strength, length) for strength in strengths for length in lengths]
+        return Shared(None, processes_told(s, stand_out, pass_index, possible), may_step=True)
 
 
 def measure_raw_edge(cloud: Cloud, found: RawFaces, condition: EdgeCondition, robot: Robot) -> RawMeasured:
@@ -244,8 +240,7 @@ def _state(
     bend_out, bend = (_bend(curve, tilt, along) for along in (0.5 * math.pi, 0.0))
     counted, group = stand_out + bend_out(mid), cloud.pass_index
     shared = shared._replace(over_mm=TOGETHER_MM) if rough else shared
-    alike = shared._replace(over_mm=POSE_MM) if shared.followed and not rough else shared
-    course = fit_course(face.s, counted, None, group, (2, 3), shared=alike)
+    course = fit_course(face.s, counted, None, group, (2, 3), shared=shared)
     stands = OutAlong(course, bend_out, local_mean(face.s, stand_out, cloud.pass_index) if rough else None)
     m = np.stack([n[:, 1], -n[:, 0]], axis=1)
     vibration = _vibration(cloud, stand_out)

@@ -9,7 +9,7 @@ bins, not of a count of frames (eq. (2)).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, permutations
 from typing import NamedTuple, TypeAlias
@@ -70,8 +70,9 @@ class Course:
     noise_factor: float  # the same of bins of values: larger where neighbouring values share noise
     misfit: float  # mean square of the pooled residuals over their variance, the largest; 1: as the noise says
     log_evidence: float
-    # priors: the order of the lower derivative held back, both strengths, posterior share
-    stiffness: Shaped[Float, "j 4"]
+    # under each process that values may share, (j, 4) priors: the order of the lower derivative held back, both
+    # strengths, posterior share
+    stiffness: tuple[Float, ...]
     step_u: float = 0.0  # standard uncertainty of its values by a step within a pass; 0 where no errors are shared
     shared_variance: Shaped[Float, " k"] | None = None  # what of `variance` is by errors that values share
     spent: float = 0.0  # how many bins' worth it takes
@@ -131,7 +132,7 @@ def fit_course(
     variance: Shaped[Float, " n"] | None = None,
     group: Shaped[Int, " n"] | None = None,
     orders: tuple[int, int] = (1, 2),
-    stiffness: Float | None = None,
+    stiffness: tuple[Float, ...] | None = None,
     unseen: tuple[float, float] = (0.0, 1.0),
     shared: Shared = ALONE,
 ) -> Course:
@@ -154,7 +155,7 @@ def fit_course(
         True
     """
     bin_mm, stated = shared.over_mm or BIN_MM, variance is not None
-    if shared.process:  # whose equations are full
+    if shared.processes:  # whose equations are full
         bin_mm = max(bin_mm, float(np.nanmax(s) - np.nanmin(s)) / MOST_BINS)
     values = _as_values(s, y, variance, group, bin_mm)
     kept = _inliers(values)
@@ -167,7 +168,7 @@ def fit_course(
         bins = _means(values, kept)
         course = _fit(values, bins, stated, orders, course.stiffness, unseen, bin_mm, shared)
     if shared.may_step:
-        course = replace(course, step_u=_step_u(values, bins, course.noise_factor, orders, shared))
+        course = replace(course, step_u=_step_u(values, bins, stated, orders, shared))
     return _unfollowed(course, values)
 
 
@@ -235,19 +236,54 @@ def _fit(
     bins: Bins,
     stated: bool,
     orders: tuple[int, int],
-    stiffness: Float | None,
+    stiffness: tuple[Float, ...] | None,
     unseen: tuple[float, float],
     bin_mm: float,
     shared: Shared,
 ) -> Course:
-    process = None if shared.followed else shared.process
+    """The course on average over the processes that are possible, as over priors (eq. (4))."""
+    possible = shared.possible
+    known = stiffness or (None,) * len(possible)
+    each = [
+        _under(process, values, bins, stated, orders, held, unseen, bin_mm)
+        for (process, _), held in zip(possible, known, strict=True)
+    ]
+    if len(each) == 1:
+        return each[0]
+    shares, at, spline = [share for _, share in possible], each[0].at_mm, each[0].spline
+    spline = replace(spline, c=np.average([one.spline.c for one in each], axis=0, weights=shares))
+    parts = []
+    for one in each:
+        off = replace(spline, c=one.spline.c - spline.c)
+        value, slope = ((off(at, k).reshape(at.size, -1) ** 2).mean(axis=1) for k in (0, 1))
+        parts.append((one.variance + value, one.slope_variance + slope, one.shared_u(at) ** 2 + value))
+    variance, slope_variance, by_shared = np.average(parts, axis=0, weights=shares)
+    return replace(
+        each[int(np.argmax(shares))],
+        spline=spline,
+        variance=variance,
+        slope_variance=slope_variance,
+        stiffness=tuple(one.stiffness[0] for one in each),
+        shared_variance=by_shared,
+    )
+
+
+def _under(
+    process: Process | None,
+    values: Values,
+    bins: Bins,
+    stated: bool,
+    orders: tuple[int, int],
+    stiffness: Float | None,
+    unseen: tuple[float, float],
+    bin_mm: float,
+) -> Course:
+    """The course under one process, or none, that values share."""
     bins, between, turned = (bins, 0.0, Turned()) if process else _aligned(bins, orders[0] > 1)
-    together = process.covariance(bins.s, bins.spread, bins.group) if process else None
-    noise_factor = _noise_factor(bins, stated, min(orders), together)
-    noise_factor = max(noise_factor, 1.0) if stated else noise_factor
+    together, noise_factor = _noise(bins, stated, orders, process)
     alone = 1.0 if stated else noise_factor  # a bin of one value scatters as the value does
     frame_factor = alone if math.isnan(bins.frame_factor) else bins.frame_factor
-    weight = 1.0 / (bins.variance * noise_factor + (process.least_variance if process else 0.0))
+    weight = _weight(bins, noise_factor, process)
     knots = _knots(values.s, 2.0 * bin_mm)  # bins end before the values do, and outliers have a place
     trend = _trend(bins, weight, orders[0])  # what no prior holds back; taken off, since sums of squares lose digits
     inside = np.clip(bins.s, knots[3], knots[-4])
@@ -284,11 +320,6 @@ def _fit(
     slope, by_shared = raised * slope + turned.variance, None
     if together is not None:
         by_shared = _variance_by(together, problems, found, stations)[0]
-    elif shared.process:
-        together = shared.process.covariance(bins.s, bins.spread, bins.group)
-        own = _problems(inside, bins.y, weight, knots, orders, np.diag(1.0 / weight))
-        by_shared, turning = _variance_by(together, own, found, stations)
-        value, slope = value + by_shared, slope + turning
     return Course(
         spline,
         stations,
@@ -299,7 +330,7 @@ def _fit(
         noise_factor,
         misfit,
         evidence,
-        found,
+        (found,),
         shared_variance=by_shared,
         spent=spent,
         between=between,
@@ -326,69 +357,72 @@ def _problems(
     return {low: correlated(one, s, y, inverse) for low, one in plain.items()}
 
 
-def _step_u(values: Values, bins: Bins, noise_factor: float, orders: tuple[int, int], shared: Shared) -> float:
+def _step_u(values: Values, bins: Bins, stated: bool, orders: tuple[int, int], shared: Shared) -> float:
     """Standard uncertainty by a sudden step of the values' first component between two bins of a pass.
 
     An encoder that slips, returns that are lost, what prolongs a face: nothing tells which side of a step is right. By
     the posterior over a step before each bin, and none, which is held likelier by STEPLESS before; STEP: its size then.
     """
-    size, stepped, plain = _steps(values, bins, noise_factor, orders, shared.process)
-    if not size.size:
-        return 0.0
-    both = np.logaddexp(np.logaddexp.reduce(stepped, axis=None), np.logaddexp.reduce(plain))
-    return float(np.sqrt((np.exp(stepped - both) * size**2).sum() / 2.0))
+    square = 0.0
+    for process, share in shared.possible:
+        priors = _few_priors(bins, stated, orders, process)
+        size, stepped, plain = _steps(values, bins, stated, orders, process, priors)
+        if size.size:
+            both = np.logaddexp(np.logaddexp.reduce(stepped, axis=None), np.logaddexp.reduce(plain))
+            square += share * float((np.exp(stepped - both) * size**2).sum())
+    return math.sqrt(square / 2.0)
 
 
 def _steps(
-    values: Values, bins: Bins, noise_factor: float, orders: tuple[int, int], process: Process | None
+    values: Values, bins: Bins, stated: bool, orders: tuple[int, int], process: Process | None, strengths: Float
 ) -> tuple[Float, Float, Float]:
-    """Sizes (j, k) of a step before each of k bins under j priors; log-evidences with them (j, k) and without (j,)."""
-    problem, strengths, s, y, weight = _few_priors(values, bins, noise_factor, orders, process)
+    """Sizes (j, k) of a step before each of k bins under strengths (j, 2); log-evidences with (j, k) and without (j,).
+
+    Of the values' first component.
+    """
+    together, noise_factor = _noise(bins, stated, orders, process)
+    weight, knots = _weight(bins, noise_factor, process), _knots(values.s, 2.0 * values.width_mm)
+    covariance = None if together is None else np.diag(1.0 / weight) + together
+    s, y = np.clip(bins.s, knots[3], knots[-4]), (bins.y - _trend(bins, weight, orders[0])(bins.s))[:, :1]
+    problem = _problems(s, y, weight, knots, orders, covariance)[orders[0]]
     ahead = (bins.s[:, None] >= bins.s) & (bins.group[:, None] == bins.group)
     behind = ~ahead & (bins.group[:, None] == bins.group)
     told = np.minimum(ahead.sum(axis=0), behind.sum(axis=0)) >= LEAST_SHARED
     plain = problem.evidence(strengths)
     if not told.any():
         return np.zeros((plain.size, 0)), np.zeros((plain.size, 0)), plain
-    size, u = shapes_told(problem, s, y, weight, ahead[:, told].astype(float), strengths)
+    size, u = shapes_told(problem, s, y[:, 0], weight, ahead[:, told].astype(float), strengths)
     most = STEP**2 + u**2
     log = 0.5 * size**2 * (1.0 / u**2 - 1.0 / most) + 0.5 * np.log(u**2 / most) + plain[:, None]
     return size, log - math.log(STEPLESS * told.sum()), plain
 
 
-def _few_priors(
-    values: Values, bins: Bins, noise_factor: float, orders: tuple[int, int], process: Process | None
-) -> tuple[Penalised | Correlated, Float, Float, Float, Float]:
-    """The equations of the bins' first component y (b,), some strengths (j, 2) of all, and the bins' s, y, weight."""
-    least = process.least_variance if process else 0.0
-    weight, knots = 1.0 / (bins.variance * noise_factor + least), _knots(values.s, 2.0 * values.width_mm)
-    s, trend = np.clip(bins.s, knots[3], knots[-4]), _trend(bins, weight, orders[0])
-    y, covariance, hidden = (bins.y - trend(bins.s))[:, :1], None, 0.0
-    if process:
-        covariance = np.diag(1.0 / weight) + process.covariance(bins.s, bins.spread, bins.group)
-        hidden = process.density(HIDDEN_MM)
-    problem = _problems(s, y, weight, knots, orders, covariance)[orders[0]]
-    priors = _grid(bins, weight, orders, (0.0, 1.0), hidden)
-    return problem, priors[priors[:, 0] == orders[0], 1:][::STEP_PRIORS], s, y[:, 0], weight
+def _few_priors(bins: Bins, stated: bool, orders: tuple[int, int], process: Process | None) -> Float:
+    """Some strengths (j, 2) of all."""
+    weight = _weight(bins, _noise(bins, stated, orders, process)[1], process)
+    priors = _grid(bins, weight, orders, (0.0, 1.0), process.density(HIDDEN_MM) if process else 0.0)
+    return priors[priors[:, 0] == orders[0], 1:][::STEP_PRIORS]
 
 
-def process_told(s: Float, y: Float, group: Int, possible: Process, orders: tuple[int, int] = (2, 3)) -> Process:
-    """The errors that values y (n,) at s (n,) mm share, by their likelihood under each of the `possible` (k,) ones.
+def processes_told(
+    s: Float, y: Float, group: Int, possible: Sequence[Process], orders: tuple[int, int] = (2, 3)
+) -> tuple[Process, ...]:
+    """The errors that values y (n,) at s (n,) mm may share, with their shares by the likelihood under each.
 
-    Alike likely before, about a course as `fit_course` has it. What values cannot tell from a course keeps its share;
-    the answer, one process, has the mean of the covariances.
+    Alike likely before, about a course as `fit_course` has it. What values cannot tell from a course keeps its share.
     """
-    if np.size(possible.strength) == 1:
-        return possible
+    if len(possible) == 1:
+        return tuple(possible)
     values = _as_values(s, y, None, group, max(BIN_MM, float(np.nanmax(s) - np.nanmin(s)) / MOST_BINS))
     bins, score = _means(values, _inliers(values)), []
-    for strength, length in zip(np.atleast_1d(possible.strength), np.atleast_1d(possible.length_mm), strict=True):
-        one = Process(float(strength), float(length))
-        together = one.covariance(bins.s, bins.spread, bins.group)
-        _, stepped, plain = _steps(values, bins, _noise_factor(bins, False, orders[0], together), orders, one)
+    # The same of a course under all of them, or what one more strength is worth passes for evidence.
+    priors = _few_priors(bins, False, orders, possible[0])
+    for one in possible:
+        _, stepped, plain = _steps(values, bins, False, orders, one, priors)
         score.append(np.logaddexp.reduce(np.append(plain, stepped)))  # a step is none of them
     share = np.exp(np.array(score) - max(score))
-    return possible._replace(strength=possible.strength * np.sqrt(share / share.sum()))
+    share *= share > 0.5 * share.mean()  # half as likely as before
+    return tuple(one._replace(share=float(of)) for one, of in zip(possible, share / share.sum(), strict=True) if of)
 
 
 def _spent(problems: Problems, priors: Float) -> float:
@@ -727,6 +761,16 @@ def _scatter(binned: Binned, lines: BinLines) -> float:
     return total
 
 
+def _weight(bins: Bins, noise_factor: float, process: Process | None) -> Float:
+    return 1.0 / (bins.variance * noise_factor + (process.least_variance if process else 0.0))
+
+
+def _noise(bins: Bins, stated: bool, orders: tuple[int, int], process: Process | None) -> tuple[Float | None, float]:
+    """Covariance (b, b) of what the bins share, and the factor of their own variances beside it."""
+    together = process.covariance(bins.s, bins.spread, bins.group) if process else None
+    return together, max(_noise_factor(bins, stated, min(orders), together), float(stated))
+
+
 def _noise_factor(bins: Bins, stated: bool, order: int, together: Float | None) -> float:
     """Variance of the bins' means over the stated one, from what each differs from its neighbours (eq. (2)).
 
@@ -810,7 +854,8 @@ def _grid(bins: Bins, weight: Float, orders: tuple[int, int], unseen: tuple[floa
     if unseen[0] ** 2 > hidden:
         hidden, mm = unseen[0] ** 2, min(unseen[1], length)
     least_one = hidden / mm ** (2 * low - 1)
-    one = _powers(least_one, max(most**2 / length ** (2 * low - 1), 10.0 * least_one), STIFFNESSES)
+    shortest_mm = HIDDEN_MM if shared else length  # what a process may do as well, the course must be free to do
+    one = _powers(least_one, max(most**2 / min(shortest_mm, length) ** (2 * low - 1), 10.0 * least_one), STIFFNESSES)
     least_two = least_one / mm ** (2 * (high - low))
     most_two = most**2 / (2.0 * BIN_MM) ** (2 * high - 1)
     two = _powers(least_two, max(most_two, 10.0 * least_two), 2 * STIFFNESSES)

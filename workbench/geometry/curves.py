@@ -189,7 +189,7 @@ def fit_curve(
     points_mm: Float,
     s: Float,
     group: Int | None = None,
-    stiffness: Float | None = None,
+    stiffness: tuple[Float, ...] | None = None,
 ) -> Curve:
     """The smooth curve through points (n, 3) mm at rough arc lengths s (n,); s of the result is arc length from 0.
 

@@ -18,30 +18,26 @@ LEAST = 1e-3  # of a process is each value's own: values without noise leave no 
 class Process(NamedTuple):
     """A stationary Gaussian process of the arc length, each pass its own: correlation exp(-(d / length)^2 / 2).
 
-    Or the sum of several, (k,) each: of what is held possible, by the roots of its shares.
-
     Example:
         >>> shared = Process(0.05, 10.0).covariance(np.array([0.0, 10.0]), np.zeros(2), np.zeros(2, int))
         >>> [round(1e4 * float(one), 1) for one in shared[0]]
         [25.0, 15.2]
     """
 
-    strength: Float | float  # standard deviation of a value, in its unit
-    length_mm: Float | float
+    strength: float  # standard deviation of a value, in its unit
+    length_mm: float
+    share: float = 1.0  # of what is held possible
 
     def covariance(self, s: Float, spread: Float, group: Int) -> Float:
         """Covariance (b, b) of means over values that lie about s (b,) by `spread` (b,), mm, in passes (b,)."""
-        apart2, spread2 = (s[:, None] - s) ** 2, spread[:, None] ** 2 + spread**2
-        out = np.zeros((s.size, s.size))
-        for strength, length in self._each():
-            wide = length**2 + spread2
-            out += strength**2 * length / np.sqrt(wide) * np.exp(-0.5 * apart2 / wide)
-        return np.asarray(np.where(group[:, None] == group, out, 0.0))
+        wide = self.length_mm**2 + spread[:, None] ** 2 + spread**2
+        alike = self.length_mm / np.sqrt(wide) * np.exp(-0.5 * (s[:, None] - s) ** 2 / wide)
+        return np.asarray(np.where(group[:, None] == group, self.strength**2 * alike, 0.0))
 
     @property
     def least_variance(self) -> float:
         """Of the noise of values beside it."""
-        return sum((LEAST * strength) ** 2 for strength, _ in self._each())
+        return (LEAST * self.strength) ** 2
 
     def slope_u(self, over_mm: float) -> float:
         """Standard deviation of its rise over a way, by that way; of a long process that of its slope.
@@ -49,28 +45,25 @@ class Process(NamedTuple):
         >>> round(Process(0.05, 10.0).slope_u(1e-3), 6), round(Process(0.05, 1e-3).slope_u(20.0), 6)
         (0.005, 0.003536)
         """
-        square = sum(
-            2.0 * strength**2 * -math.expm1(-0.5 * (over_mm / length) ** 2) for strength, length in self._each()
-        )
-        return math.sqrt(square) / over_mm
+        return self.strength * math.sqrt(-2.0 * math.expm1(-0.5 * (over_mm / self.length_mm) ** 2)) / over_mm
 
     def density(self, wave_mm: float) -> float:
         """Of waves of this length: the variance that they have a wave number, times 2 pi; unit squared times mm."""
-        k = 2.0 * math.pi / wave_mm
-        root = math.sqrt(2.0 * math.pi)
-        return sum(one**2 * root * length * math.exp(-0.5 * (k * length) ** 2) for one, length in self._each())
-
-    def _each(self) -> list[tuple[float, float]]:
-        return list(zip(np.atleast_1d(self.strength).tolist(), np.atleast_1d(self.length_mm).tolist(), strict=True))
+        waves = 2.0 * math.pi * self.length_mm / wave_mm
+        return self.strength**2 * math.sqrt(2.0 * math.pi) * self.length_mm * math.exp(-0.5 * waves**2)
 
 
 class Shared(NamedTuple):
     """What values along an edge share beside their own noise."""
 
     over_mm: float | None = None  # length over which they share their scatter: bins are as long, waves four times
-    process: Process | None = None  # passes then need no offsets of their own
-    followed: bool = False  # what the process does is taken for the course's: only its u holds it
+    processes: tuple[Process, ...] = ()  # one of these, by their shares; passes then need no offsets of their own
     may_step: bool = False  # a step within a pass is looked for
+
+    @property
+    def possible(self) -> list[tuple[Process | None, float]]:
+        """The processes and their shares; or that there is none."""
+        return [(one, one.share) for one in self.processes] or [(None, 1.0)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,30 +96,29 @@ class Correlated:
 
     def average(self, strengths: Float, share: Float, at: Float) -> tuple[Float, Float, Float]:
         """As `Penalised.average`. Raises LinAlgError likewise."""
-        value, slope = self.plain.rows(at)
-        answers, variance = [], np.zeros((2, at.size))
+        answers, spread = [], np.zeros(self.normal.shape)
         for (one, other), of in zip(strengths, share, strict=True):
             covariance = np.linalg.inv(self.held(one, other))
             answers.append(covariance @ self.right)
-            for k, rows in enumerate((value, slope)):
-                variance[k] += of * np.einsum("mi,ij,mj->m", rows, covariance, rows)
+            spread += of * covariance
         mean = np.tensordot(share, np.array(answers), 1)
         for answer, of in zip(answers, share, strict=True):
-            for k, rows in enumerate((value, slope)):
-                variance[k] += of * ((rows @ (answer - mean)) ** 2).mean(axis=1)
-        return mean, variance[0], variance[1]
+            spread += of * (answer - mean) @ (answer - mean).T / mean.shape[1]
+        value, slope = self._variances(spread, at)
+        return mean, value, slope
 
     def variance_by(self, noise: Float, strengths: Float, share: Float, at: Float) -> Float:
         """What of the variances (2, m) of value and slope at places (m,) is by noise of covariance (n, n)."""
         weighted = self.inverse @ self.basis
-        noisy, both = weighted.T @ noise @ weighted, self.plain.rows(at)
-        out = np.zeros((2, at.size))
+        noisy, spread = weighted.T @ noise @ weighted, np.zeros(self.normal.shape)
         for (one, other), of in zip(strengths, share, strict=True):
-            spread = np.linalg.inv(self.held(one, other))
-            spread = spread @ noisy @ spread
-            for k, rows in enumerate(both):
-                out[k] += of * ((rows @ spread) * rows).sum(axis=1)
-        return out
+            gain = np.linalg.inv(self.held(one, other))
+            spread += of * gain @ noisy @ gain
+        return self._variances(spread, at)
+
+    def _variances(self, spread: Float, at: Float) -> Float:
+        """Those (2, m) of value and slope at places (m,) by the covariance (K, K) of the coefficients."""
+        return np.stack([((rows @ spread) * rows).sum(axis=1) for rows in self.plain.rows(at)])
 
     def spent(self, strengths: Float, share: Float) -> float:
         """How many values' worth the course takes, on average over strengths (j, 2) by shares (j,)."""

@@ -157,7 +157,7 @@ def find_end(
         precision = (1.0 - step_share) * precision + step_share / said
         weighted = (1.0 - step_share) * weighted + step_share * (about + mean) / said
         said = 1.0 / precision
-        known = course.stiffness if shared.process and number > 0 else None  # saves the search
+        known = course.stiffness if shared.processes and number > 0 else None  # saves the search
         course = fit_course(place, weighted * said, said, None, orders, known, unseen, round_)
         before, about = about, course.value(place)
         if (np.abs(about - before) < SETTLED_U * course.u(place)).all():

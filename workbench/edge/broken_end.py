@@ -47,7 +47,7 @@ from workbench.geometry.end_face import BROKEN_MM
 from workbench.geometry.grids import dark_beyond
 from workbench.geometry.medians import medians
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
+from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
 
 FAINTEST = 1e-4  # share of the returns that may be fainter than what the sensor asks for: noise of the brightness
 NO_LIGHT = 0.1  # probability that a recorded brightness does not count the light of a pixel
@@ -56,6 +56,7 @@ LAST, LEAST_GROUPS, DEEP_MM = 10, 5, 3.0  # columns pooled one by one, then by t
 STEP_MM = 0.15  # between columns of one surface
 STILL = 3.0  # columns: where the end moves by less over the pass, its place within one is not all places in turn
 DEPTH_U_MM, LEAST_MEANS, PATTERN_PLACES = 0.0005, 8, 9
+STEADY = 0.2 * DEG  # sway of the view by which the returns of a break go on by some micrometres more or less
 USUALLY_WITHIN = 0.3  # of the logarithm of a break's size along an edge
 UNLIKELY = 1e-3  # share of templates that are not cut finer
 # What footprints cut off a corner: share of it by which it may be off; the same in columns times the fold; corners that
@@ -275,7 +276,8 @@ def _own_break(cloud: Cloud, rim: FaceRim, shown: EndFrames, unseen_mm: float, f
 
     A brush or a file breaks an edge more here than there. Each frame shows how far its returns go on beyond the line,
     and by their depth how large the break is, to which the part that is not seen (on average `unseen_mm`) is in
-    proportion: breaks of one form differ by their scale. Both run smoothly along the edge.
+    proportion: breaks of one form differ by their scale. Both run smoothly along the edge. Where the view sways, so
+    does what returns of one and the same break.
 
     Source: eq. (12d) of docs/method.md.
     """
@@ -289,6 +291,9 @@ def _own_break(cloud: Cloud, rim: FaceRim, shown: EndFrames, unseen_mm: float, f
     told = float(grows @ gain)
     scale = (shown.depth - mean) @ gain / (told + 1.0 / (len(shown.depth) * USUALLY_WITHIN**2))
     value = shown.further_mm + unseen_mm * scale
+    lean = np.arctan(_recession(rim, shown.frames))
+    lean -= lean.mean()
+    value -= lean * float(lean @ value) / float(lean @ lean + lean.size * STEADY**2)  # what follows the view is its own
     pose, face, x = cloud.base_from_profiler[shown.frames, :3], rim.face, rim.end_x_mm[shown.frames]
     z = face.z_mean[shown.frames] + face.slope[shown.frames] * (x - face.x_mean[shown.frames])
     place = pose[:, :, 3] + x[:, None] * pose[:, :, 0] + z[:, None] * pose[:, :, 2]

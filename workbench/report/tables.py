@@ -274,7 +274,7 @@ def decision_rule(guard_factor: float) -> str:
     risk = 50.0 * math.erfc(guard_factor / math.sqrt(2.0))
     return (
         f"ISO 14253-1, guard band g = {guard_factor:g} u: a value passes inside its limits by at least g, fails "
-        f"outside by at least g, is undecided in between; a wrong statement has a risk of at most "
+        f"outside by at least g, is undecided in between. Risk of a wrong statement: at most "
         f"{risk:.2g} % per value. A part fails if any section fails and passes if all pass."
     )
 

@@ -131,8 +131,8 @@ def plan_loads(
         force_n: of each load.
         target_relative_u: ratio of standard uncertainty, by noise alone, to stiffness to reach for every joint; 0.025:
             95 % of results within 5 %.
-        scale_relative_u: as in `stiffness.identify`.
-        as_built_u: as in `stiffness.identify`.
+        scale_relative_u: ratio of the two scales, as in `stiffness.identify`.
+        as_built_u: factor on u of what is not as built, as in `stiffness.identify`.
         targets: count of tracked points; 0: the tool frame's displacement in six dimensions.
         trials: count of random postures to choose from.
         seed: of these.

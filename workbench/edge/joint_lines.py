@@ -21,6 +21,7 @@ from workbench.edge.residual_image import FaceForm
 from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import covered
+from workbench.geometry.processes import ROUGH
 from workbench.geometry.sections import SectionLines, crossing, on_line
 from workbench.units import DEG, Bool, Float, Int, Shaped
 
@@ -133,7 +134,7 @@ def _square(section: SectionLines, own: _Own, meet: Float, s: Float, group: Int)
     place = section.place - (own.slope * section.run * section.spread)[:, None] * across
     place = place - (section.s - s)[:, None] * moved
     seen = own.value + wrapped(section.angle - own.value) - turn  # passes are turned by each its own
-    course = fit_course(section.s, seen, section.angle_variance, group, stiffness=own.stiffness)
+    course = fit_course(section.s, seen, section.angle_variance, group, stiffness=own.stiffness, shared=ROUGH)
     return FaceLine(section, course, place, course.value(safe))
 
 
@@ -229,7 +230,7 @@ class JointLines:
             raise InputError(
                 self.source, f"expected at least {LEAST_FRAMES} profiles that show {name}, found {shown}: no joint?"
             )
-        course = fit_course(self.along.s, value, total, self.along.group)
+        course = fit_course(self.along.s, value, total, self.along.group, shared=ROUGH)
         if course.kept.sum() < LEAST_FRAMES:
             raise InputError(self.source, f"{name} is another one in every profile: no joint?")
         left = value - course.value(self.along.safe)

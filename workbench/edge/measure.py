@@ -14,14 +14,14 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.edge.broken_end import BrokenEnd, weights, whole_end
-from workbench.edge.directions import TOGETHER_MM, between, near_slope, width_mm, wrapped
+from workbench.edge.directions import between, near_slope, width_mm, wrapped
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.frame_ends import FaceCorner, RootEnds, root_ends
 from workbench.edge.steps import Readings, own_directions, readings
 from workbench.errors import InputError
 from workbench.geometry.course import BIN_MM, LEAST_BINS, Course, fit_course
 from workbench.geometry.curves import Curve, along_motion, fit_curve
-from workbench.geometry.processes import Shared
+from workbench.geometry.processes import ROUGH
 from workbench.geometry.sections import SectionLines, crossing, on_line, section_lines
 from workbench.geometry.silhouette import EndCourse, Ends, find_end, settled
 from workbench.units import Bool, Float, Int, Shaped
@@ -36,10 +36,6 @@ FAR_MM, FAR_TIMES = 5.0, 5.0  # of the root face: frames that say more have lost
 LEAST_SIGMA_MM = 1e-3
 LEAST_WEIGHT = 0.5  # of a frame that shows the end as well as others beside it do
 START_FRAMES = 5  # of each stretch over which a course averages, that the first round takes
-# A rough root face: directions over 2 mm scatter by so many times the variance that those of single frames explain, or
-# that the range noise does. Smooth ones of all conditions of both simulators by up to 1.5, and 18 where noise is
-# correlated; those left of raw ones rough by 0.3 mm by 6 and 50 or more.
-ROUGH_TIMES, ROUGH_NOISE = 3.0, 36.0
 # By which the lower edge moves from one round to the next, whose curve lies through that of the round before: over some
 # mm it turns the sections by half a degree.
 ASTRAY_MM, MOST_ROUNDS = 0.03, 4
@@ -57,7 +53,6 @@ class Faces:
     bevel_course: Course  # direction of the bevel face, rad
     opening_course: Course  # angle between both, rad, as each frame shows it
     follows: float  # how likely it is that the angle between the faces runs smoothly, rather than the root face alone
-    even: Course | None  # of a rough root face: its direction as stretches of TOGETHER_MM show it, rad; None: smooth
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -241,16 +236,14 @@ def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, tur
     bevel_angle = root_angle - wrapped(root_angle - bevel.angle) - turns[1]
     root_angle = root_angle - turns[0]
     group, s_root, variance = cloud.pass_index[of], root.s[of], root.angle_variance[of]
-    bevel_course = fit_course(bevel.s[of], bevel_angle[of], bevel.angle_variance[of], group)
+    bevel_course = fit_course(bevel.s[of], bevel_angle[of], bevel.angle_variance[of], group, shared=ROUGH)
     root_angle = np.where(tracked.end_is_burred[of], np.nan, root_angle[of])  # a burr's low foot turns its line
     if few is None:
         variance = variance / own_directions(s_root, root_angle, variance, width_mm(tracked.faces[ROOT_FACE]))
-    root_course, even = fit_course(s_root, root_angle, variance, group), None
-    if root_course.noise_factor > min(ROUGH_TIMES * root_course.frame_factor, ROUGH_NOISE):
-        even = fit_course(s_root, root_angle, variance, group, shared=Shared(TOGETHER_MM))
-    opening_course = fit_course(s_root, root_angle - bevel_course.value(s_root), variance, group)
+    root_course = fit_course(s_root, root_angle, variance, group, shared=ROUGH)
+    opening_course = fit_course(s_root, root_angle - bevel_course.value(s_root), variance, group, shared=ROUGH)
     follows = 1.0 / (1.0 + math.exp(np.clip(root_course.log_evidence - opening_course.log_evidence, -50.0, 50.0)))
-    return Faces(root, bevel, turns, root_course, bevel_course, opening_course, follows, even)
+    return Faces(root, bevel, turns, root_course, bevel_course, opening_course, follows)
 
 
 def _state(

@@ -22,7 +22,7 @@ from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import end_step_check
 from workbench.edge.broken_end import BrokenEnd, broken_end, is_free_end, root_rim, together_along, weights
 from workbench.edge.certified import certified, certified_linearity
-from workbench.edge.directions import TOGETHER_MM, between
+from workbench.edge.directions import between
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.groove_frames import two_plates_share
@@ -41,7 +41,7 @@ from workbench.edge.parameters import (
     usual_noise_mm,
 )
 from workbench.edge.residual_image import ASIDE_MM, FaceForm, Linearity, declared_linearity, face_image, forms
-from workbench.edge.sizes import EndTerms, corrected_angles, rough_deg, sizes, straightened
+from workbench.edge.sizes import EndTerms, corrected_angles, sizes, straightened
 from workbench.edge.steps import burr_stations, waves_u
 from workbench.edge.unseen import (
     BY_BACKING,
@@ -72,10 +72,6 @@ FILLETED = (
 LIES_ON = (
     "the plate lies on what joins the root face's lower end: sizes are those to where both cross, and by how much the "
     "root face seems to end above it is in their uncertainty"
-)
-ROUGH = (
-    "the root face is rough: its direction turns by {:.2g} deg (standard deviation) from place to place; the bevel "
-    "angle counts from what stretches of {:g} mm show"
 )
 
 STEPPED = (
@@ -257,8 +253,6 @@ def milled_edge(
     faces = ("root face", root_form), ("bevel face", bevel_form)
     told += tuple(ASIDE.format(name, one.aside_mm) for name, one in faces if one.aside_mm > ASIDE_MM[0])
     told += _steps(measured, at)
-    if measured.faces.even is not None:
-        told += (ROUGH.format(rough_deg(measured, at + measured.shift), TOGETHER_MM),)
     return MilledEdge(
         part=cloud.part,
         source=cloud.source,

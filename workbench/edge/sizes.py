@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import DECLARED, DIRECTIONS, END, FORM, HIDDEN, ROUNDING, STEPS, TANGENT, Quantity
-from workbench.edge.directions import LOCAL_MM, between
+from workbench.edge.directions import between
 from workbench.edge.measure import Measured, face_angles
 from workbench.edge.residual_image import FaceForm
 from workbench.units import DEG, Float, Shaped
@@ -103,30 +103,10 @@ def direction_u(measured: Measured, s: Float, root_form_u: Float, bevel_form_u: 
     root_u, opening_u = (one.u_beside(s, root_form_u) for one in (faces.root_course, faces.opening_course))
     tilt = (1.0 - faces.follows) * root_u**2 + faces.follows * opening_u**2
     angle = tilt + bevel_u**2 + faces.follows * (1.0 - faces.follows) * (alone - apart) ** 2
-    if faces.even is not None:
-        around = np.mean([_turned(measured, s + off) for off in np.linspace(-0.5, 0.5, 21) * LOCAL_MM], axis=0)
-        even_u = faces.even.u_beside(s, root_form_u)
-        angle = even_u**2 + bevel_u**2 + np.var(around)  # a section's own stretch turns by that
     return np.sqrt(tilt), bevel_u, np.sqrt(angle)
 
 
 def corrected_angles(measured: Measured, s: Float) -> tuple[Float, Float]:
-    """Direction of the root face and bevel angle (m,) at s, rad, obliquity taken back.
-
-    A rough root face turns from place to place: its corner lies where it does, its direction is what 10 mm show.
-    """
+    """Direction of the root face and bevel angle (m,) at s, rad, obliquity taken back."""
     turns = (between(measured.upper_s, of, s) for of in (measured.root_turn, measured.bevel_turn))
-    tilt, beta = face_angles(measured.faces, s, *turns)
-    off = _turned(measured, s)
-    return tilt - off, beta - off
-
-
-def rough_deg(measured: Measured, s: Float) -> float:
-    """Standard deviation of a rough root face's direction at s (m,) about what 10 mm show, deg."""
-    return float(np.std(_turned(measured, s))) / DEG
-
-
-def _turned(measured: Measured, s: Float) -> Float:
-    """By how much a rough root face is turned at s (m,) beside what 10 mm show, rad."""
-    even = measured.faces.even
-    return np.zeros(s.size) if even is None else face_angles(measured.faces, s)[0] - even.value(s)
+    return face_angles(measured.faces, s, *turns)

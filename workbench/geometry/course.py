@@ -52,6 +52,9 @@ STEPLESS, STEP = 100.0, 0.3  # odds that values of a pass take no step; size of 
 STEP_PRIORS = 8  # one in so many of the priors is asked for steps
 MOST_BINS = 250  # of values that share errors: on longer edges they are longer
 TIE = 0.1234  # which of gaps that are alike wide is taken: the first after this share of a stretch
+# What may be roughness: its length, as that of a course's shortest waves or half of it, and its strength over the noise
+# of bins.
+ROUGH_MM, ROUGH_TIMES = (1.0, 2.0), (2.0, 6.0)
 POOLED = (1, 2, 4, 8)  # bins, by whose residuals the course is tested
 ALONE = Shared()
 PRIOR_FREEDOM = 6.0  # weight, in bins, of the stated noise beside the noise that is found
@@ -167,9 +170,42 @@ def fit_course(
             break
         bins = _means(values, kept)
         course = _fit(values, bins, stated, orders, course.stiffness, unseen, bin_mm, shared)
+    course = _or_rough(course, values, bins, stated, orders, unseen, shared)
     if shared.may_step:
         course = replace(course, step_u=_step_u(values, bins, stated, orders, shared))
     return _unfollowed(course, values)
+
+
+def _or_rough(
+    course: Course,
+    values: Values,
+    bins: Bins,
+    stated: bool,
+    orders: tuple[int, int],
+    unseen: tuple[float, float],
+    shared: Shared,
+) -> Course:
+    """The mean of the course and those beside a roughness that neighbouring bins share, by their evidence.
+
+    Waves as short as the shortest of a course look alike; one that has none of these follows no roughness.
+    """
+    if not shared.may_be_rough or course.spent * SHORTEST_BINS * BIN_MM < float(np.ptp(bins.s)):
+        return course
+    noise = bins.variance * course.noise_factor
+    strengths = [times * math.sqrt(median(noise)) for times in ROUGH_TIMES]
+    possible = [Process(one, mm, by_pass=False) for mm in ROUGH_MM for one in strengths]
+    each = [course, *(_under(one, values, bins, stated, orders, None, unseen, BIN_MM) for one in possible)]
+    log = np.array([one.log_evidence for one in each])
+    log[0] += math.log(len(possible)) - 0.5 * bins.y.shape[1] * float(np.log(noise).sum())
+    mean = _averaged(each, np.exp(log - log.max()))
+    evidence = course.log_evidence + float(np.logaddexp.reduce(log) - log[0])
+    return replace(
+        course,
+        spline=mean.spline,
+        variance=mean.variance,
+        slope_variance=mean.slope_variance,
+        log_evidence=evidence,
+    )
 
 
 def _unfollowed(course: Course, values: Values) -> Course:
@@ -250,20 +286,25 @@ def _fit(
     ]
     if len(each) == 1:
         return each[0]
-    shares, at, spline = [share for _, share in possible], each[0].at_mm, each[0].spline
-    spline = replace(spline, c=np.average([one.spline.c for one in each], axis=0, weights=shares))
+    stiffness = tuple(one.stiffness[0] for one in each)
+    return replace(_averaged(each, np.array([share for _, share in possible])), stiffness=stiffness)
+
+
+def _averaged(each: Sequence[Course], share: Float) -> Course:
+    """The mean of courses (k,) through the same values by their shares (k,), else as the likeliest."""
+    at, spline = each[0].at_mm, each[0].spline
+    spline = replace(spline, c=np.average([one.spline.c for one in each], axis=0, weights=share))
     parts = []
     for one in each:
         off = replace(spline, c=one.spline.c - spline.c)
         value, slope = ((off(at, k).reshape(at.size, -1) ** 2).mean(axis=1) for k in (0, 1))
         parts.append((one.variance + value, one.slope_variance + slope, one.shared_u(at) ** 2 + value))
-    variance, slope_variance, by_shared = np.average(parts, axis=0, weights=shares)
+    variance, slope_variance, by_shared = np.average(parts, axis=0, weights=share)
     return replace(
-        each[int(np.argmax(shares))],
+        each[int(np.argmax(share))],
         spline=spline,
         variance=variance,
         slope_variance=slope_variance,
-        stiffness=tuple(one.stiffness[0] for one in each),
         shared_variance=by_shared,
     )
 
@@ -279,7 +320,7 @@ def _under(
     bin_mm: float,
 ) -> Course:
     """The course under one process, or none, that values share."""
-    bins, between, turned = (bins, 0.0, Turned()) if process else _aligned(bins, orders[0] > 1)
+    bins, between, turned = (bins, 0.0, Turned()) if process and process.by_pass else _aligned(bins, orders[0] > 1)
     together, noise_factor = _noise(bins, stated, orders, process)
     alone = 1.0 if stated else noise_factor  # a bin of one value scatters as the value does
     frame_factor = alone if math.isnan(bins.frame_factor) else bins.frame_factor

@@ -18,6 +18,8 @@ LEAST = 1e-3  # of a process is each value's own: values without noise leave no 
 class Process(NamedTuple):
     """A stationary Gaussian process of the arc length, each pass its own: correlation exp(-(d / length)^2 / 2).
 
+    What is not `by_pass` is the part's own, and all passes have it.
+
     Example:
         >>> shared = Process(0.05, 10.0).covariance(np.array([0.0, 10.0]), np.zeros(2), np.zeros(2, int))
         >>> [round(1e4 * float(one), 1) for one in shared[0]]
@@ -27,12 +29,14 @@ class Process(NamedTuple):
     strength: float  # standard deviation of a value, in its unit
     length_mm: float
     share: float = 1.0  # of what is held possible
+    by_pass: bool = True
 
     def covariance(self, s: Float, spread: Float, group: Int) -> Float:
         """Covariance (b, b) of means over values that lie about s (b,) by `spread` (b,), mm, in passes (b,)."""
         wide = self.length_mm**2 + spread[:, None] ** 2 + spread**2
         alike = self.length_mm / np.sqrt(wide) * np.exp(-0.5 * (s[:, None] - s) ** 2 / wide)
-        return np.asarray(np.where(group[:, None] == group, self.strength**2 * alike, 0.0))
+        mine = group[:, None] == group if self.by_pass else True
+        return np.asarray(np.where(mine, self.strength**2 * alike, 0.0))
 
     @property
     def least_variance(self) -> float:
@@ -59,11 +63,15 @@ class Shared(NamedTuple):
     over_mm: float | None = None  # length over which they share their scatter: bins are as long, waves four times
     processes: tuple[Process, ...] = ()  # one of these, by their shares; passes then need no offsets of their own
     may_step: bool = False  # a step within a pass is looked for
+    may_be_rough: bool = False  # what is shorter than a course's waves may be no course, and noise of all passes
 
     @property
     def possible(self) -> list[tuple[Process | None, float]]:
         """The processes and their shares; or that there is none."""
         return [(one, one.share) for one in self.processes] or [(None, 1.0)]
+
+
+ROUGH = Shared(may_be_rough=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,18 +89,19 @@ class Correlated:
     def evidence(self, strengths: Float) -> Float:
         """As `Penalised.evidence`, of values whatever the covariance of their noise. Raises LinAlgError likewise."""
         size, components = self.right.shape
-        scores = np.empty(len(strengths))
-        for k, (one, other) in enumerate(strengths):
-            prior = np.log(self.plain.waves[0] / one + self.plain.waves[1] / other).sum()
-            low = np.linalg.cholesky(self._beside(self.held(one, other)))
-            logs = np.log(np.diag(low)[:size]).sum() - 0.5 * prior
-            scores[k] = 0.5 * (low[size:, :size] ** 2).sum() - components * logs
+        one, other = strengths.T[:, :, None]
+        prior = np.log(self.plain.waves[0] / one + self.plain.waves[1] / other).sum(axis=1)
+        # the Cholesky factor of A, and L^-1 B' M y as rows below it
+        both = np.empty((len(strengths), size + components, size + components))
+        both[:, :size, :size] = self.normal
+        for strength, rough in zip((one, other), self.roughness, strict=True):
+            both[:, :size, :size] += rough / strength[..., None]
+        both[:, size:, :size], both[:, :size, size:] = self.right.T, self.right
+        both[:, size:, size:] = np.diag(np.full(components, 2.0 * self.squares + 1.0))
+        low = np.linalg.cholesky(both)
+        logs = np.log(np.diagonal(low, axis1=1, axis2=2)[:, :size]).sum(axis=1) - 0.5 * prior
+        scores = 0.5 * (low[:, size:, :size] ** 2).sum(axis=(1, 2)) - components * logs
         return np.asarray(scores - 0.5 * self.squares + 0.5 * components * np.linalg.slogdet(self.inverse)[1])
-
-    def _beside(self, held: Float) -> Float:
-        """A matrix whose Cholesky factor has that of A, and L^-1 B' M y as rows below it."""
-        far = np.diag(np.full(self.right.shape[1], 2.0 * self.squares + 1.0))
-        return np.block([[held, self.right], [self.right.T, far]])
 
     def average(self, strengths: Float, share: Float, at: Float) -> tuple[Float, Float, Float]:
         """As `Penalised.average`. Raises LinAlgError likewise."""

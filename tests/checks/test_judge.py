@@ -92,7 +92,16 @@ def coded(r: Recording, code: float) -> Recording:
 
 
 def saturated(r: Recording) -> Recording:
-    return spoilt(r, z_mm=np.minimum(r.z_mm, np.nanquantile(r.z_mm, 0.8)))
+    return spoilt(r, z_mm=np.clip(r.z_mm, *np.nanquantile(r.z_mm, [0.15, 0.8]).astype(np.float32)))
+
+
+def levelled(r: Recording, degree: int) -> Recording:
+    """Every frame less its mean, or less its slope."""
+    z = r.z_mm.astype(float)
+    for row, x in zip(z, r.x_mm.astype(float), strict=True):
+        seen = np.isfinite(row)
+        row[seen] -= np.polyval(np.polyfit(x[seen], row[seen], degree), x[seen]) - degree * row[seen].mean()
+    return spoilt(r, z_mm=(z + 150.0).astype(np.float32))
 
 
 def two_digits(r: Recording) -> Recording:
@@ -158,6 +167,8 @@ def test_a_refusal_names_the_first_suspicion_in_one_short_line() -> None:
         (partial(coded, code=-9999.0), "held_end_share", "the range -9999 mm to the digit"),
         (two_digits, "orientation_step_deg", "rounded to 0.01"),
         (coarse, "range_step_mm", "rounded to 0.5 mm: export them at full resolution"),
+        (partial(levelled, degree=0), "frames_vary", "the mean range is the same in every frame: were they zeroed"),
+        (partial(levelled, degree=1), "frames_vary", "the slope is the same in every frame"),
         (saturated, "held_end_share", "or ranges that saturate?"),
         (lambda _: KINDS["x and z swapped"].spoil(good("arc", 46), None), "mean_columns", "axes x and z swapped"),
         (lambda _: KINDS["poses noisy by 0.3 mm"].spoil(good("arc", 46), RNG), "pose_noise_mm", "noisy, or rounded"),
@@ -257,6 +268,12 @@ def test_means_over_columns_are_seen(columns: int, condition: str) -> None:
 
 
 SPHERES = list(spheres.SOUND)
+
+
+def test_columns_that_alternate_are_no_mean() -> None:
+    recording = good("coarse")
+    second = np.arange(recording.z_mm.shape[1], dtype=np.float32) % 2
+    assert failed(spoilt(recording, z_mm=recording.z_mm + np.float32(0.06) * second)) == {}
 
 
 @pytest.mark.parametrize("condition", [*SPHERES[::4], *seldom(*(one for k, one in enumerate(SPHERES) if k % 4))])

@@ -23,6 +23,7 @@ from workbench.checks.sensor import (
     sensor_traces,
     shared_range,
     some,
+    steadiest,
     step_mm,
     uneven_share,
     uneven_step_mm,
@@ -117,7 +118,8 @@ def judged(
     once = _without_copies(recording, repeats)
     checks = tuple(_checks(recording, repeats, once, hand_eye, limits or {}, calibrating))
     if not all(one.passed for one in checks) and (told := _returns_cause(recording)):
-        checks = tuple(one if one.passed else dataclasses.replace(one, finding=told) for one in checks)
+        first, *others = checks
+        checks = (first, *(one if one.passed else dataclasses.replace(one, finding=told) for one in others))
     return checks, once
 
 
@@ -280,6 +282,9 @@ def _checks(
     calibrating: bool,
 ) -> Iterator[Check]:
     calibration = calibrating or recording.sphere_diameter_mm is not None
+    varies, name = steadiest(recording.x_mm, recording.z_mm)
+    told = f"the {name} is the same in every frame: were they zeroed, levelled or centred one by one? switch that off"
+    yield check("frames_vary", varies, told, given=given)
     yield from _profile_checks(recording, given)
     yield from _pose_checks(recording, given, calibration)
     yield from _copy_checks(recording, repeats, given, calibration)

@@ -66,6 +66,12 @@ LIMITS: dict[str, Limit] = {
         "good recordings have none, and a hiccup few; ten that come late at the start of a ring put its root face "
         "0.04 mm off",
     ),
+    "frames_vary": Limit(
+        (0.05, 1.0),
+        "how much mean, slope, median and least range and mean place of frames vary from one to the next, "
+        "over what noise makes of them; the least of these, 1 at most",
+        "good recordings have 0.7 and more; frames zeroed or levelled one by one have 0.00, and lie elsewhere",
+    ),
     "mean_columns": Limit(
         3.1,
         "width of a moving mean over the columns of a profile",

@@ -112,9 +112,35 @@ def shared_range(z_mm: AnyArray) -> tuple[float, float] | None:
     found, count = np.unique(rows[np.isfinite(rows)], return_counts=True)
     if len(found) < FEW:
         return None
-    most = int(count.argmax())
-    is_code = found[most] in (found[0], found[-1], 0.0) and count[most] > FEW * np.sort(count)[-2]
+    most, others = int(count.argmax()), count[1:-1][found[1:-1] != 0.0]
+    is_code = found[most] in (found[0], found[-1], 0.0) and count[most] > FEW * others.max(initial=0)
     return (float(found[most]), float(count[most] / count.sum())) if is_code else None
+
+
+def steadiest(x_mm: AnyArray, z_mm: AnyArray) -> tuple[float, str]:
+    """How little a statistic of some frames (N, M) varies, over what noise makes of it; the least of these, and which.
+
+    Noise is by how even and odd columns differ. 0 of frames that were zeroed, levelled or centred one by one, 0.7 and
+    more of others; 1 at most, and of what is rounded to steps wider than the noise. NaN: too few tell.
+    """
+    grids = np.stack([some(x_mm), some(z_mm)]).astype(np.float64)
+    grids[:, np.isnan(grids).any(axis=0)] = np.nan
+    wide = np.isfinite(grids[1, :, ::2]).any(axis=1) & np.isfinite(grids[1, :, 1::2]).any(axis=1)
+    if wide.sum() < FEW:
+        return float("nan"), ""
+    every, even, odd = (_statistics(grids[:, wide, start::step]) for start, step in ((0, 1), (0, 2), (1, 2)))
+    noise, least_mm = 0.5 * (even - odd).std(axis=1), max(step_mm(grids[1]), LEAST_NOISE_MM)
+    share = np.where(noise > least_mm, every.std(axis=1) / np.maximum(noise, least_mm), 1.0)
+    names = "mean range", "slope", "median range", "least range", "mean place along x"
+    return min(float(share.min()), 1.0), names[int(share.argmin())]
+
+
+def _statistics(grids: Float) -> Float:
+    """Mean, slope, median and least of ranges, mean of places, (5, n): of places and ranges (2, n, M)."""
+    (x, z), means = grids, np.nanmean(grids, axis=2)
+    off = x - means[0, :, None]
+    slope = np.nansum(off * z, axis=1) / np.maximum(np.nansum(off**2, axis=1), LEAST_NOISE_MM)
+    return np.stack([means[1], slope, np.nanmedian(z, axis=1), np.nanmin(z, axis=1), means[0]])
 
 
 def is_packed(x_mm: AnyArray, z_mm: AnyArray) -> bool:
@@ -337,7 +363,8 @@ def moving_mean(z: Float) -> float:
     if not products[0] > 0.0:
         return 0.0
     best = 2 + int(np.argmin(products[2:]))
-    return float(best) if products[best] < MEAN_CORRELATION * products[0] else 0.0
+    alternate = products[1] < 3.0 * MEAN_CORRELATION * products[0]  # as of two cameras; a mean has 2, noise 8/3
+    return float(best) if products[best] < MEAN_CORRELATION * products[0] and not alternate else 0.0
 
 
 def step_mm(values: AnyArray) -> float:

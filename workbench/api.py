@@ -28,7 +28,7 @@ from workbench.geometry.poses import (
 from workbench.kernels import kernel
 from workbench.language import Language
 from workbench.stage import InputFile, Progress, Seed, stage
-from workbench.storage import numbered_lines, read_text
+from workbench.storage import csv_table, finite_number, numbered_lines, read_text
 from workbench.strict_json import read_json, strict_json
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
 
@@ -136,9 +136,11 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "cell_triangles",
     "certified_length",
     "chords_mm",
+    "csv_table",
     "dexterity",
     "estimator",
     "external_at",
+    "finite_number",
     "forward_kinematics",
     "interpolate_poses",
     "inverse",

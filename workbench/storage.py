@@ -234,28 +234,46 @@ def numbered_lines(text: str) -> list[tuple[int, str]]:
     return [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
 
 
-def csv_rows(path: Path, max_bytes: int, known: Sequence[str] = ()) -> list[tuple[str, dict[str, str]]]:
-    """Rows of a CSV with a header: each one's place, for messages, and its filled cells by column; # begins a comment.
+def csv_table(
+    path: Path, max_bytes: int, known: Sequence[str] = (), needed: Sequence[str] = ()
+) -> tuple[list[str], list[int], list[list[str]]]:
+    """Column names of a CSV, and of each row behind them its line, from 1, and its cells; # begins a comment.
 
     Raises:
-        InputError: unreadable, no table, a column twice or none of the `known`, a row of other length; with the line.
+        InputError: unreadable, no table, a column that is `needed` missing, one twice or none of the `known`, a row of
+            other length; with the line.
     """
     lines = numbered_lines(read_text(path, max_bytes))
     try:
         table = [[cell.strip() for cell in next(csv.reader([line], strict=True))] for _, line in lines]
     except csv.Error as error:
         raise InputError(str(path), f"expected a table of comma-separated values: {error}") from None
-    places = [f"{path}: line {number}" for number, _ in lines]
+    numbers = [number for number, _ in lines]
     header = next(iter(table), [])
+    _check_needed(path, header, needed)
     for name in header:
         if header.count(name) > 1:
-            raise InputError(places[0], f"'{name}': occurs twice")
+            raise InputError(f"{path}: line {numbers[0]}", f"'{name}': occurs twice")
         if known and name not in known:
-            raise InputError(places[0], f"'{name}': unknown column{nearest(name, known)}")
-    for where, row in zip(places, table, strict=True):
+            raise InputError(f"{path}: line {numbers[0]}", f"'{name}': unknown column{nearest(name, known)}")
+    for number, row in zip(numbers, table, strict=True):
         if len(row) != len(header):
-            raise InputError(where, f"expected {len(header)} cells, found {len(row)}")
-    return [(where, _filled(header, row)) for where, row in zip(places[1:], table[1:], strict=True)]
+            raise InputError(f"{path}: line {number}", f"expected {len(header)} cells, found {len(row)}")
+    return header, numbers[1:], table[1:]
+
+
+def _check_needed(path: Path, header: list[str], needed: Sequence[str]) -> None:
+    if needed and not header:
+        raise InputError(str(path), f"expected a header with the columns {', '.join(needed)}")
+    for name in (one for one in needed if one not in header):
+        parted = ": are cells parted by commas, decimals by points?" if len(header) == 1 else ""
+        raise InputError(f"{path}: header", f"expected the column '{name}'{parted}")
+
+
+def csv_rows(path: Path, max_bytes: int, known: Sequence[str] = ()) -> list[tuple[str, dict[str, str]]]:
+    """Of each row of a `csv_table` its place, for messages, and its filled cells by column."""
+    header, numbers, table = csv_table(path, max_bytes, known)
+    return [(f"{path}: line {number}", _filled(header, row)) for number, row in zip(numbers, table, strict=True)]
 
 
 def _filled(header: list[str], row: list[str]) -> dict[str, str]:

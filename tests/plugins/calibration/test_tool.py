@@ -163,10 +163,10 @@ def test_the_report_says_whether_it_is_good_enough(tmp_path: Path, tolerance: fl
     ("row", "words"),
     [
         ("1,2,3,1.0011,0,0,0", "line 19: expected a quaternion of norm 1"),
-        ("1,2,x,1,0,0,0", "line 19: z_mm: expected a number"),
-        ("1,2,nan,1,0,0,0", "line 19: z_mm: expected a number"),
+        ("1,2,x,1,0,0,0", "line 19: z_mm: expected a finite number"),
+        ("1,2,nan,1,0,0,0", "line 19: z_mm: expected a finite number"),
         ("1,2,1.01e6,1,0,0,0", "line 19: z_mm: expected a number within ±1e\\+06"),
-        ("1,2,,1,0,0,0", "line 19: z_mm: expected a number"),
+        ("1,2,,1,0,0,0", "line 19: z_mm: expected a finite number"),
         ("1,2,3,1,0,0", "line 19: expected 9 cells, found 8"),
     ],
 )
@@ -184,7 +184,7 @@ def test_unusable_rows_are_named(tmp_path: Path, row: str, words: str) -> None:
         (lambda text: text.replace("qz", "q"), "header: expected the column 'qz'"),
         (lambda text: text.replace(",", ";"), "header: expected the column 'reference': are cells parted by commas"),
         (lambda text: text.replace("qz", "qy"), "header: expected the column 'qz'"),
-        (lambda text: text.replace("tool_point", "reference"), "header: a column stands twice"),
+        (lambda text: text.replace("tool_point", "reference"), "'reference': occurs twice"),
         (lambda text: "\n".join(text.splitlines()[:5]), "expected at least 4 rows, found 3"),
     ],
 )

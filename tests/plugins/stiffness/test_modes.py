@@ -236,7 +236,7 @@ def test_responses_of_any_kind_are_the_same(cell, stiffness, tmp_path: Path, kin
         ),
         (
             lambda text: text.replace("zz_im", "zz_im,zz_coherence").replace("\n", ",\n").replace("nce,\n", "nce\n"),
-            "zz_coherence: expected a number",
+            "zz_coherence: expected a finite number",
         ),
     ],
 )

@@ -85,7 +85,9 @@ def seen(view: str, kind: str = "milled") -> Seen:
     recording, truth = simulate_recording(parse_recipe(recipe))
     cloud = denoise(fuse(recording))
     if kind == "raw":
-        edge: Edge = segment_raw(cloud, upper_side=tuple(truth.across[0] - 0.36 * truth.normal[0]))
+        up = truth.across[0] - 0.36 * truth.normal[0]
+        errs = 0.05 if view == "shaken" else 1e-4
+        edge: Edge = segment_raw(cloud, upper_side=tuple(up), robot_noise_mm=errs)
     else:
         edge = segment(cloud, edge_condition="sharp")
     return Seen(cloud, edge, truth, "back" in view)

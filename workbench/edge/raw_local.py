@@ -65,6 +65,7 @@ def local_mean(s: Float, value: Float, pass_index: Int) -> Course:
         course,
         spline=through(at_mm, cells.line(at_mm) + mean[shown]),
         at_mm=at_mm,
+        shared_variance=None,
         variance=variance[shown],
         slope_variance=np.zeros(shown.size),
     )

@@ -356,11 +356,14 @@ def _under(
     else:
         white, spent = np.linalg.solve(np.linalg.cholesky(covariance), left), _spent(problems, found)
         misfit = _misfit(white, np.ones(weight.size), bins.group, spent)
-    raised = max(1.0, misfit)
-    value = raised * value + between + turned.variance * (stations - turned.about_mm) ** 2
-    slope, by_shared = raised * slope + turned.variance, None
+    by_shared = np.zeros((2, stations.size))
     if together is not None:
-        by_shared = _variance_by(together, problems, found, stations)[0]
+        by_shared = _variance_by(together, problems, found, stations)
+    # Values that leave the course by more are noisier than stated: what they share is as declared.
+    raised = max(1.0, misfit)
+    value, slope = raised * np.stack([value, slope]) + (1.0 - raised) * by_shared
+    value += between + turned.variance * (stations - turned.about_mm) ** 2
+    slope += turned.variance
     return Course(
         spline,
         stations,
@@ -372,7 +375,7 @@ def _under(
         misfit,
         evidence,
         (found,),
-        shared_variance=by_shared,
+        shared_variance=by_shared[0],
         spent=spent,
         between=between,
     )

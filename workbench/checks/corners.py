@@ -21,6 +21,7 @@ PARALLEL = math.sin(2.0 * DEG)  # faces that turn by less have no corner
 CORNER_MM, CLOSE_MM = 0.25, 0.12  # returns about it: what a check judges, and where a small ledge shows most
 LEAST_SCATTER_MM = 1e-4
 LEDGES, MOST_MM = 0.02, 0.01  # share of edges with one too small to be refused; most by which it stands out then
+FAR_INSIDE = -30.0  # standard uncertainties: a corner that is rounded by more has no ledge either; densities underflow
 ROUNDS, STRAY = 3, 4.0  # of each line's fit; times the median distance from it, beyond which a point is none of its
 ODD = 5.0  # robust standard deviations of frames that are left out of the mean
 
@@ -39,15 +40,15 @@ class StandsOut(NamedTuple):
         anything up to MOST_MM.
 
         Example:
-            >>> [round(1e3 * StandsOut(0.0, 1e-3 * of, 3e-4).by_ledge_mm(1e-4), 3) for of in (-0.5, 0.5, 1.0, 2.0)]
+            >>> [round(1e3 * StandsOut(0.0, 1e-3 * of, 3e-4).by_ledge_mm(1e-4), 3) for of in (-50.0, 0.5, 1.0, 2.0)]
             [0.0, 0.003, 0.172, 2.0]
         """
         u = math.hypot(self.close_u_mm, bowed_mm / math.sqrt(3.0), LEAST_SCATTER_MM)
-        z = self.close_mm / u
+        z = max(self.close_mm / u, FAR_INSIDE)
         normal = math.exp(-0.5 * z * z) / (math.sqrt(2.0 * math.pi) * u)
         above = 0.5 * math.erfc(-z / math.sqrt(2.0))
         with_one = LEDGES / MOST_MM
-        return with_one * (self.close_mm * above + u * u * normal) / (with_one * above + (1.0 - LEDGES) * normal)
+        return with_one * u * (z * above + u * normal) / (with_one * above + (1.0 - LEDGES) * normal)
 
 
 NOTHING = StandsOut(0.0, 0.0, 0.0)

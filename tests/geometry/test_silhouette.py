@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from workbench.edge.steps import readings
 from workbench.geometry.course import fit_course
 from workbench.geometry.silhouette import EndCourse, Ends, find_end, settled
 from workbench.units import Float
@@ -93,17 +94,20 @@ def test_corners_are_values() -> None:
 
 
 @pytest.mark.parametrize("half_mm", [3.0, 6.0, 12.0])
-def test_a_gouge_is_followed_or_in_the_uncertainty(half_mm: float) -> None:
-    """An edge broken off is no stray; away from where it jumps it is known as before."""
+@pytest.mark.parametrize("depth_mm", [0.3, 0.8])
+def test_a_gouge_is_in_the_uncertainty_and_nothing_else(half_mm: float, depth_mm: float) -> None:
+    """Returns that are lost look the same as an edge that is broken off; beside either it is known as before."""
     for seed in (5, 6):
         ends = frames(constant, seed, 9.3)
-        course = found(ends._replace(low=ends.low - np.where(np.abs(ends.s - 60.0) < half_mm, 0.8, 0.0))).course
-        at = 60.0 + half_mm * np.array([-1.1, -0.9, -0.7, -0.2, 0.0, 0.2, 0.7, 0.9, 1.1])
-        true = constant(at) - np.where(np.abs(at - 60.0) < half_mm, 0.8, 0.0)
-        assert (np.abs(course.value(at) - true) < 4.0 * course.u(at)).all()
-        away = INSIDE[np.abs(INSIDE - 60.0) > 25.0]
-        assert (np.abs(course.value(away) - constant(away)) < 5.0 * course.u(away)).all()
-        assert (course.u(away) < 0.05).all()
+        end = found(ends._replace(low=ends.low - np.where(np.abs(ends.s - 60.0) < half_mm, depth_mm, 0.0)))
+        near = 60.0 + half_mm * np.array([-1.1, -0.9, -0.7, -0.2, 0.0, 0.2, 0.7, 0.9, 1.1])
+        away = INSIDE[np.abs(INSIDE - 60.0) > half_mm + 5.0]
+        for at, u_mm in ((near, np.inf), (away, 0.03)):
+            said = readings(end.s, end.middle, end.middle_u, at, end.course)
+            true = constant(at) - np.where(np.abs(at - 60.0) < half_mm, depth_mm, 0.0)
+            off, u = end.course.value(at) + said.shift_mm - true, np.hypot(end.course.u(at), said.u_mm)
+            assert (np.abs(off) < 3.5 * u).all()
+            assert u.max() < u_mm
 
 
 def test_a_long_edge_that_waves_in_step_with_the_columns_is_followed() -> None:

@@ -22,6 +22,7 @@ from workbench.edge.frame_ends import missing_share
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.edge.raw_faces import FaceEnds, RawFaces, middle_of, outward_of
 from workbench.edge.raw_local import local_mean
+from workbench.edge.steps import readings
 from workbench.errors import InputError
 from workbench.geometry.blocks import evenly
 from workbench.geometry.chains import FaceLines
@@ -467,6 +468,9 @@ def _found_end(
         freed.doubt[on],
     )
     end = find_end(known, course, shared, orders)
+    said = readings(end.s, end.middle, end.middle_u, end.course.at_mm, end.course, is_all=False)
+    found = said.moved(end.course)
+    end = replace(end, course=replace(found, variance=found.variance + said.u_mm**2))
     low = np.where(side.silhouette, side.low, np.nan)
     reached = reached_mm(side.s, low, side.step, side.sigma, end.course, end.s)
     return end.course, np.interp(np.nan_to_num(side.s), end.s, reached)

@@ -91,11 +91,23 @@ def readings(
     share /= share.sum()
     apart = np.stack([np.zeros(at.size), *(one.sense * one.course.value(at) - course.value(at) for one in found)])
     own_u = np.stack([np.zeros(at.size), *(one.course.u(at) for one in found)])
-    off = np.stack([np.zeros(at.size), *(np.interp(at, s, one.sense * one.even * one.height) for one in found)])
+    off = np.stack([np.zeros(at.size), *(_own_step(one, s, value, at) for one in found)])
     shift = share @ apart
     own = share @ np.stack([np.ones(s.size), *(one.own for one in found)])
     variance = share @ ((apart - shift) ** 2 + own_u**2 + STEPPED * off**2)
     return Readings(shift, np.sqrt(variance), own, share @ off)
+
+
+def _own_step(one: _Reading, s: Float, value: Float, at: Float) -> Float:
+    """By how much the edge itself may step at places (m,), mm, in a reading of cells (c,) of these values.
+
+    One height may be a step; where material may be lost, any height: a burr of uneven height is none of the edge.
+    """
+    lost = (1.0 - one.own) * np.maximum(-value - one.course.value(s), 0.0)
+    height = one.even * one.height if one.sense > 0.0 else -lost
+    right = np.searchsorted(s, at).clip(1, s.size - 1)  # it begins anywhere between two cells
+    further = np.where(np.abs(height[right - 1]) > np.abs(height[right]), right - 1, right)
+    return height[further]
 
 
 def _off_the_face(s: Float, value: Float, u: Float, sigma: Float, sense: float, is_all: bool) -> list[_Reading]:

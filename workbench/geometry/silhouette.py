@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.geometry.blocks import as_input
-from workbench.geometry.course import ALONE, OUTLIER_SIGMAS, Course, fit_course
+from workbench.geometry.course import ALONE, Course, fit_course
 from workbench.geometry.medians import medians
 from workbench.geometry.processes import Shared
 from workbench.kernels import kernel
@@ -41,7 +41,6 @@ SETTLED_U, WHOLE_ROUNDS, PART_STEP, MOST_ROUNDS = 0.1, 3, 0.5, 12
 UNSEEN_STEPS, UNSEEN_MM = 0.05, 20.0  # of a column step, over which the end may wave unseen
 # Frames that show the face beyond its told end: by how many columns and sigmas, how many at least, over how much edge.
 FURTHER_STEPS, FURTHER_SIGMAS, FURTHER_SHARE, FURTHER_LEAST, FURTHER_MM = 1.0, 4.0, 0.1, 3, 20.0
-RINGING = 2.0 - math.sqrt(3.0)  # what is left from knot to knot of how a cubic spline swings beside a jump
 LEAST_TOGETHER = 4  # cells that count as known together, however loose the course
 NOTHING = 36.0  # logarithms below the greatest: a share below the digits of a number
 FAR_SIGMAS, NORMAL = 7.0, 4097  # where no noise is left to tell of; values in a table
@@ -173,7 +172,6 @@ def find_end(
     counts = ends.weight > 0.5 * most[cell]  # a pass that does not see the end says nothing of where it is
     middle = medians((ends.low + 0.5 * ends.step)[counts], np.searchsorted(cell[counts], np.arange(place.size + 1)))
     middle_u = np.sqrt((np.bincount(cell, ends.step) / count) ** 2 / 12.0 + sigma**2)
-    course = _beside_jumps(course, place, middle, middle_u)
     course = _doubted(course, place, ends, cell)
     return EndCourse(course, place, middle, middle_u)
 
@@ -197,15 +195,6 @@ def reached_mm(s: Float, low: Float, step: Float, sigma: Float, course: Course, 
     for k in np.flatnonzero(count[last] - count[first] > np.maximum(FURTHER_SHARE * (last - first), FURTHER_LEAST)):
         out[k] = np.median(over[first[k] : last[k]][beyond[first[k] : last[k]]])
     return out
-
-
-def _beside_jumps(course: Course, place: Float, middle: Float, middle_u: Float) -> Course:
-    """The course, uncertain by how far middles (c,) of cells lie off it where an end jumps; a spline swings there."""
-    off = np.abs(middle - course.value(place))
-    jumps = off > OUTLIER_SIGMAS * middle_u
-    knots_off = np.abs(course.at_mm[:, None] - place[jumps]) / (course.spline.t[4] - course.spline.t[3])
-    departure = (off[jumps] * RINGING**knots_off).max(axis=1, initial=0.0)
-    return replace(course, variance=course.variance + departure**2)
 
 
 def _doubted(course: Course, place: Float, ends: Ends, cell: Int) -> Course:

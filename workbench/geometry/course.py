@@ -465,7 +465,7 @@ def processes_told(
         _, stepped, plain = _steps(values, bins, False, orders, one, priors)
         score.append(np.logaddexp.reduce(np.append(plain, stepped)))  # a step is none of them
     share = np.exp(np.array(score) - max(score))
-    share *= share > 0.5 * share.mean()  # half as likely as before
+    share *= share > 0.1 * share.mean()  # a tenth as likely as before
     return tuple(one._replace(share=float(of)) for one, of in zip(possible, share / share.sum(), strict=True) if of)
 
 

@@ -2,7 +2,7 @@
 
 The example in the stage's docstring is run. Of what its last call of the stage returned the artefact that says most is
 drawn (`kinds.py`); a chapter of a report shows the first of its own charts that is small enough. A stage that makes a
-file or a decision alone has no picture.
+file, a recipe or a decision alone has no picture.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import sys
 from html import unescape
 
 from scripts.pictures.kinds import DRAWN
-from scripts.pictures.panels import drawn, titled
+from scripts.pictures.panels import Picture, drawn, titled
 from scripts.stage_pages import DIRECTORY, PICTURES
 from workbench.artefacts import Chapter
 from workbench.pipeline.catalogue import every_stage
@@ -45,16 +45,23 @@ def main(names: list[str]) -> None:
 def picture(stage) -> bytes | None:
     """A stage's picture, as SVG."""
     made, took = ran(stage)
-    for kind in (*DRAWN, "Chapter"):
+    for kind, draw in DRAWN.items():
         for one in (each for each in made if type(each).__name__ == kind):
-            if kind == "Chapter":
-                found = chart(one)
-            else:
-                shown = DRAWN[kind](one, [each for each in (*took, *made) if each is not one])
-                found = drawn(shown) if shown else None
-            if found:
+            beside = [each for each in (*took, *made) if each is not one]
+            if (shown := draw(one, beside)) and (found := pictured(shown)):
                 return found
     return None
+
+
+def pictured(shown: Chapter | Picture | tuple[bytes, str]) -> bytes | None:
+    """Charts as SVG; of a chapter the first that is small enough; a chart with its words."""
+    if isinstance(shown, Picture):
+        return drawn(shown)
+    charts = [shown]
+    if isinstance(shown, Chapter):
+        charts = [(base64.b64decode(data), unescape(words)) for data, words in CHART.findall(shown.html)]
+    made = (titled(TAG.sub(lambda tag: DIGITS.sub(r"\1", tag[0]), svg.decode()), words) for svg, words in charts)
+    return next((one for one in made if len(one) < MOST_BYTES), None)
 
 
 def ran(stage) -> tuple[list[object], list[object]]:
@@ -85,16 +92,6 @@ def flat(value) -> list[object]:
     if isinstance(value, list | tuple):
         return [one for each in value for one in flat(each)]
     return [value]
-
-
-def chart(chapter: Chapter) -> bytes | None:
-    """The first of the chapter's charts that is small enough, on white, with its words as title."""
-    for data, words in CHART.findall(chapter.html):
-        svg = TAG.sub(lambda tag: DIGITS.sub(r"\1", tag[0]), base64.b64decode(data).decode())
-        made = titled(svg, unescape(words))
-        if len(made) < MOST_BYTES:
-            return made
-    return None
 
 
 if __name__ == "__main__":

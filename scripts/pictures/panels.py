@@ -19,7 +19,6 @@ BELOW_IN, TICKS_IN = 0.52, 0.3  # below a chart with and without a name of its x
 ROW_IN, LETTER = 0.19, 0.68 * SIZE  # of a name beside a chart; points, about the widest in a number
 MOST_DOTS, FEW, CROWDED, SMALL, LARGE = 3_000, 60, 4_000, 2.8, 4.5  # of all clouds in a chart; when and how small
 SERIES = (BLUE, ORANGE, GREEN, PURPLE, SKY, INK)
-SHADED = "#fbe3d3"
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,6 @@ class Panel:
     y: str
     curves: Sequence[Curve]
     levels: Sequence[tuple[str, float]] = ()
-    spans: Sequence[tuple[float, float]] = ()  # of x, shaded
     names: Sequence[str] = ()
     equal: bool = False  # one scale both ways
 
@@ -94,8 +92,6 @@ def _size(panel: Panel, alone: bool) -> tuple[float, float, float]:
 
 def _draw(axes: Axes, panel: Panel) -> None:
     axes.set(xlabel=panel.x, ylabel=panel.y)
-    for low, high in panel.spans:
-        axes.axvspan(low, high, facecolor=SHADED, zorder=0.2)
     clouds = [len(one.x) for one in panel.curves if one.how == "dots"]
     dots = (MOST_DOTS // max(1, len(clouds)), SMALL if sum(clouds) > CROWDED else LARGE)
     for curve, next_one in zip(panel.curves, SERIES * len(panel.curves), strict=False):

@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = ROOT / "docs/stages"
 STAGES = {name: one for name, one in every_stage()[0].items() if one.function.__module__.startswith("workbench.")}
 SHOWN = re.compile(r"!\[\]\(pictures/(\S+\.svg)\)\n\n\*(.+)\.\*")
-DRAWABLE = set(DRAWN) - {"Document"}  # some documents are
+DRAWABLE = set(DRAWN) - {"Document", "Chapter"}  # some are
 SVG = "{http://www.w3.org/2000/svg}"
 
 

@@ -26,7 +26,7 @@ def correction_html(found: PathCorrection, finished: Mapping[str, Inspection]) -
         "correction.html.j2",
         lead=_lead(found),
         found=list(_found_rows(found)),
-        chart=data_address(_chart(found)),
+        chart=data_address(correction_chart(found)),
         checks=[
             (*check_texts(c.name, c.value, c.limit), "passed" if c.passed else one_line(c.finding))
             for c in found.checks
@@ -86,7 +86,7 @@ def _off(what: Characteristic) -> tuple[float, float] | None:
     return (float(known.mean()), float(known[np.argmax(np.abs(known))])) if len(known) else None
 
 
-def _chart(found: PathCorrection) -> bytes:
+def correction_chart(found: PathCorrection) -> bytes:
     """SVG of shift and tilt along the edge, and of what was corrected."""
     over = (found.arc_length_mm >= 0.0) & (found.arc_length_mm <= found.length_mm)
     s = found.arc_length_mm[over]

@@ -30,7 +30,7 @@ from workbench.language import Language
 from workbench.stage import InputFile, Progress, Seed, stage
 from workbench.storage import csv_table, finite_number, numbered_lines, read_text
 from workbench.strict_json import read_json, strict_json
-from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
+from workbench.units import COVERAGE, DEG, TO_SD, AnyArray, Bool, Float, Float32, Int, Shaped
 
 if TYPE_CHECKING:  # loaded on first use
     from workbench.certificate import Certified, certified_length
@@ -99,6 +99,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "CoefficientsFile",
     "CollisionModel",
     "CollisionScreen",
+    "COVERAGE",
     "DEG",
     "Dialect",
     "FaceLines",
@@ -126,6 +127,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "Shaped",
     "Side",
     "StiffnessFile",
+    "TO_SD",
     "ToolFile",
     "Turntable",
     "TurntableFile",

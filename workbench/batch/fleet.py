@@ -23,7 +23,7 @@ from workbench.errors import one_line
 from workbench.extras import Extra
 from workbench.marks import GREY, INK, LIMIT, MEASURED, REJECTED, TOLERANCE
 from workbench.plot import Axes, Figure
-from workbench.units import Float, Int, Shaped
+from workbench.units import COVERAGE, Float, Int, Shaped
 
 ROWS = 2000  # parts in the table of the page; the rest are in fleet.parquet
 SHOWN = 25  # of them at once; the others unfold
@@ -181,7 +181,6 @@ def worst_text(counts: Int) -> str:
 
 # The first page of the fleet's report, for a customer: every part with its verdict and uncertainty on one A4 side.
 
-COVERAGE = 2.0
 MOST_PARTS = 80  # two columns of rows of 5 mm under the head
 VERDICTS = ("fail", "undecided", "pass")  # least favourable first
 CONFORMITY = {"pass": "conform", "fail": "do not conform", "undecided": "undecided"}

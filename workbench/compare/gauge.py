@@ -15,7 +15,7 @@ import scipy
 
 from workbench.compare.measurements import Study, title_of
 from workbench.errors import InputError
-from workbench.units import Float, Int, Shaped
+from workbench.units import COVERAGE, Float, Int, Shaped
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,9 +201,6 @@ def _draws(anova: Anova) -> dict[str, Float]:
         return np.asarray(row.mean_square * row.known_as / rng.chisquare(row.known_as, DRAWS))
 
     return {row.name: draw(row) for row in anova.sources}
-
-
-COVERAGE = 2.0  # standard uncertainties in an expanded one, about 95 %
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -20,7 +20,7 @@ import numpy as np
 import scipy
 
 from workbench.compare.surface import Surface
-from workbench.units import Bool, Float, Int, Shaped
+from workbench.units import TO_SD, Bool, Float, Int, Shaped
 
 LEAST_POINTS = 8
 FLAT = 0.02  # smallest over middle eigenvalue of a flat neighbourhood: beyond, there is a corner in it
@@ -30,7 +30,6 @@ LEAST_LEVERAGE = 0.5  # of the intercept: beyond, points lie all to one side of 
 NOWHERE = (math.nan,) * 4  # where a surface does not meet an axis
 ROUNDS = 5  # of leaving out and fitting again
 ASIDE = 4.685  # robust standard deviations beyond which a point counts no more: none of normal noise
-TO_SD = 1.4826  # a normal distribution's standard deviation by its median absolute value
 
 
 @dataclass(frozen=True, slots=True, eq=False)

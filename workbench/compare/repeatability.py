@@ -13,7 +13,6 @@ from pydantic import Field
 from workbench import pieces
 from workbench.artefacts import Chapter, Document
 from workbench.compare.gauge import (
-    COVERAGE,
     Characteristic,
     Component,
     Gauge,
@@ -29,7 +28,7 @@ from workbench.pieces import GREY, ORANGE, PALE, SERIES
 from workbench.plot import Axes, Figure
 from workbench.stage import stage
 from workbench.strict_json import strict_json
-from workbench.units import Float
+from workbench.units import COVERAGE, Float
 
 GOOD_PERCENT, BAD_PERCENT = 10.0, 30.0  # AIAG: %GRR below, above which a gauge is acceptable, is not
 LEAST_CATEGORIES = 5  # AIAG

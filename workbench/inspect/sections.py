@@ -22,7 +22,7 @@ from workbench.artefacts import (
 from workbench.artefacts.edges import BEVEL_TERMS
 from workbench.inspect.verdict import conditions, judged, material, provided, reason_of, worst
 from workbench.stage import stage
-from workbench.units import Bool, Float
+from workbench.units import COVERAGE, Bool, Float
 
 Tolerance = tuple[Annotated[float, Field(le=0)], Annotated[float, Field(ge=0)]]
 
@@ -41,7 +41,6 @@ Condition = Literal[
     "layer",
     "other_software",
 ]
-COVERAGE = 2.0
 HIDDEN = "the edge is hidden here"
 NEAR_MM = 10.0  # frames this near to a section are drawn with it
 MOST_BEVEL_DEG = 85.0  # a root face or an angle beyond these limits is no measure of a bevel

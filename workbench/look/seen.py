@@ -18,7 +18,7 @@ from workbench.artefacts.showing import shown
 from workbench.geometry.chains import COUNT, FIRST, LAST, noise_sigma, straight_faces
 from workbench.importing.command import column_pitch_mm
 from workbench.look.rows import Rows
-from workbench.units import DEG, AnyArray, Float, Float32, Int, Shaped
+from workbench.units import DEG, TO_SD, AnyArray, Float, Float32, Int, Shaped
 
 NOTE = (
     "angles are those of the profile; the angle of a part needs frames along its edge, "
@@ -114,7 +114,7 @@ def _line(x: Float, z: Float, first: int, last: int) -> Line:
     x, z = x[first : last + 1], z[first : last + 1]
     slope, offset = np.polyfit(x - x.mean(), z, 1)
     residual = z - offset - slope * (x - x.mean())
-    near = np.abs(residual) <= 5.0 * max(1e-9, 1.4826 * float(np.median(np.abs(residual))))
+    near = np.abs(residual) <= 5.0 * max(1e-9, TO_SD * float(np.median(np.abs(residual))))
     if near.sum() >= 4:
         x, z = x[near], z[near]
         slope, offset = np.polyfit(x - x.mean(), z, 1)

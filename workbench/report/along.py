@@ -21,8 +21,8 @@ from workbench.geometry.splines import hermite
 from workbench.marks import FACES, GREY, INK, LIMIT, MEASURED, PALE, REJECTED, TOLERANCE, VERDICTS, Lettering
 from workbench.plot import Axes, Figure
 from workbench.report.scene import Points, frame_arc_length_mm, overview, rejected
-from workbench.report.text import COVERAGE, alike
-from workbench.units import Bool, Float, Int
+from workbench.report.text import alike
+from workbench.units import COVERAGE, Bool, Float, Int
 
 if TYPE_CHECKING:
     from workbench.result_files import ScanPlanFile

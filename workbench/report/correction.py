@@ -14,9 +14,9 @@ from workbench.marks import INK, LIMIT
 from workbench.pieces import minus
 from workbench.report.along import deviation_chart, draw_course, gaps, hatch_hidden, stacked
 from workbench.report.tables import check_texts
-from workbench.report.text import COVERAGE, data_address, render, signed, span
+from workbench.report.text import data_address, render, signed, span
 from workbench.stage import stage
-from workbench.units import DEG
+from workbench.units import COVERAGE, DEG
 
 
 def correction_html(found: PathCorrection, finished: Mapping[str, Inspection]) -> str:

@@ -14,8 +14,8 @@ from workbench.geometry.moves import runs, step_lengths_mm, step_times_s
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.marks import AIR, code, ramp, rgb
 from workbench.report.along import axes_at, developed, hidden_stretches
-from workbench.report.text import COVERAGE, alike, decimals, span
-from workbench.units import DEG, AnyArray, Bool, Float, Int, Shaped
+from workbench.report.text import alike, decimals, span
+from workbench.units import COVERAGE, DEG, AnyArray, Bool, Float, Int, Shaped
 
 LOCAL_MM = 10.0  # of edge to both sides, whose least-squares plane is the direction of a rough end face
 FEEDS, MOST_NAMES = 5, 12  # feeds, and layers, that a key names

@@ -30,8 +30,8 @@ from workbench.errors import one_line
 from workbench.marks import FACES, REJECTED, VERDICTS
 from workbench.report.along import PlanView, hidden_stretches
 from workbench.report.section_drawing import of_interest
-from workbench.report.text import COVERAGE, alike, data_address, decimals, measured, render, source
-from workbench.units import Float
+from workbench.report.text import alike, data_address, decimals, measured, render, source
+from workbench.units import COVERAGE, Float
 
 
 def facts(cloud: Cloud, edge: Edge) -> Iterator[tuple[str, str]]:

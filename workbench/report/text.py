@@ -16,13 +16,11 @@ import numpy as np
 
 from workbench.marks import SIGNS
 from workbench.templates import environment
-from workbench.units import Float
+from workbench.units import COVERAGE, Float
 
 if TYPE_CHECKING:
     from jinja2 import Environment
     from markupsafe import Markup
-
-COVERAGE = 2.0  # U = k u with k = 2, about 95 %
 
 
 def decimals(uncertainties: Iterable[float | None]) -> int:

@@ -21,11 +21,10 @@ from workbench.robot.cell_file import ControllerPart, ProcessPart, SpindleCurveP
 from workbench.robot.kinematics import Chain, jacobian_at, joint_axes
 from workbench.robot.wrist import Side
 from workbench.storage import regular_file
-from workbench.units import DEG, AnyArray, Float, Shaped
+from workbench.units import COVERAGE, DEG, AnyArray, Float, Shaped
 
 # Values of `Shape.link` for what is no part of the robot; a track's floor is the second, a tilt the third.
 ON_BASE, ON_TURNTABLE, ON_CRADLE = -1, 7, 8
-COVERAGE = 2.0  # times the stated standard uncertainties
 DIGITS = 3  # of mm and deg behind the point, in the programs of the dialect that has the fewest: FANUC's
 ROUNDED = 0.5 * 10.0**-DIGITS  # mm, deg: by which such a number may be off
 # What a program may leave its path by: the tolerances of path.simplify, and three angles of each orientation rounded.

@@ -14,14 +14,13 @@ from workbench.artefacts import BEVEL_FACE, Chapter, Cloud, Document, Inspection
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.parameters import USUAL_NOISE_MM, RobotNoiseOrUsual, usual_noise_mm
 from workbench.stage import InputFile, stage
-from workbench.units import DEG, Float
+from workbench.units import COVERAGE, DEG, Float
 
 if TYPE_CHECKING:
     from workbench.result_files import SensorFile
     from workbench.scan_plan.information import Knowledge, PassInformation, Profiler
 
 ELEVATIONS_DEG = tuple(range(-65, 85, 10))  # -25: both faces of a 40 deg bevel, and the lower surface, below 70 deg
-COVERAGE = 2.0
 SURE, LIKELY = 0.95, 0.5  # probability of a verdict that is promised, and that is worth a pass
 POINT_MM = 5.0  # between points of the edge in the file
 SHOWN_FROM_BELOW = {"lost_columns", "shadow"}  # conditions that a view of the lower surface settles

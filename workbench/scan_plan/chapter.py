@@ -13,9 +13,8 @@ from workbench.artefacts import Chapter, Gate
 from workbench.scan_plan.information import MOST_INCIDENCE, Joint, View
 from workbench.scan_plan.plan import ScanPlan
 from workbench.scan_plan.rehearsal import WAVE_MM
-from workbench.scan_plan.search import COVERAGE
 from workbench.scan_plan.way import aim_mm
-from workbench.units import DEG
+from workbench.units import COVERAGE, DEG
 
 BEHIND_MM = 6.0  # of the plate, in the drawing
 RAYS = 11  # drawn of the laser's

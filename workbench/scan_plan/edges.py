@@ -24,12 +24,12 @@ from workbench.scan_plan.information import Joint
 from workbench.scan_plan.way import EdgeLine
 from workbench.storage import read_text
 from workbench.strict_json import MAX_BYTES, read_json
-from workbench.units import DEG, Float, Shaped
+from workbench.units import DEG, TO_SD, Float, Shaped
 
 BESIDE_MM, NEAR_MM = 3.0, 80.0  # off the nominal plate, and at most from the edge: what stands there is no plate
 SAMPLED = 40_000  # points of a coarse recording that are looked at
 SAMPLED_FRAMES = 200  # likewise, for its noise
-SECOND_DIFFERENCE = 1.4826 / math.sqrt(6.0)  # standard deviation by the median of |z1 - 2 z2 + z3|
+SECOND_DIFFERENCE = TO_SD / math.sqrt(6.0)  # standard deviation by the median of |z1 - 2 z2 + z3|
 LEFT, SURE = 0.5, 0.06  # of roughness, by a frame's line; of the noise's variance, that is no chance
 RECORDINGS, DRAWINGS = (".h5", ".hdf5"), (".dxf",)
 POINT = ("x_mm", "y_mm", "z_mm")  # columns of a polyline in the base

@@ -58,10 +58,10 @@ from workbench.scan_plan.rehearsal import (
     rehearsed,
     straight,
 )
-from workbench.scan_plan.search import COVERAGE, Candidate, Learned, Reach, Search, Wanted
+from workbench.scan_plan.search import Candidate, Learned, Reach, Search, Wanted
 from workbench.scan_plan.way import EdgeLine, drift_mm, eyes_mm, view_poses
 from workbench.stage import InputFile, stage
-from workbench.units import DEG, Bool, Float, Shaped
+from workbench.units import COVERAGE, DEG, Bool, Float, Shaped
 
 ELEVATION_STEP = 10.0 * DEG  # at most, between candidates
 LEADS_DEG = (0.0, -15.0, 15.0)

@@ -16,9 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.scan_plan.information import RESERVE, Joint, Knowledge, Predicted, Profiler, View, combined, information
-from workbench.units import Bool, Int, Shaped
+from workbench.units import COVERAGE, Bool, Int, Shaped
 
-COVERAGE = 2.0  # k of the expanded uncertainties
 MOST_SETS = 500  # of ways to look that are tried where nothing reaches what is wanted
 
 

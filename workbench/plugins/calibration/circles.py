@@ -14,7 +14,20 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from workbench.api import Bool, Float, InputError, Int, Limits, Recording, Shaped, frozen, kernel, refuse_unsound, stage
+from workbench.api import (
+    TO_SD,
+    Bool,
+    Float,
+    InputError,
+    Int,
+    Limits,
+    Recording,
+    Shaped,
+    frozen,
+    kernel,
+    refuse_unsound,
+    stage,
+)
 from workbench.plugins.calibration.values import Rejected, SphereProfiles
 
 SAMPLES = 500  # of three points; 15 % of a frame on the sphere give 20 good ones
@@ -120,7 +133,7 @@ def fit_arc(x: Float, z: Float, start: Float, sense: float, sigma: float) -> tup
         if near.sum() < 8:
             return circle, inverse, scale, False
         off, dx = off[near], x[near] - circle[0]
-        scale = max(sigma, 1.4826 * np.median(np.abs(off)))
+        scale = max(sigma, TO_SD * np.median(np.abs(off)))
         q = np.sqrt(circle[2] - dx * dx)
         spread = np.sqrt(1.0 + (LATERAL * dx / q) ** 2)  # of a point along z, over sigma
         weight = np.maximum(1.0 - (off / (TUKEY * scale)) ** 2, 0.0) / spread
@@ -299,7 +312,7 @@ def _profiles(recording: Recording, found: list[Arc], rejected: list[Rejected], 
 
 def _spread(residual: Float) -> float:
     """Standard deviation of residuals along z about a circle: robust, since steep points scatter more."""
-    return float(1.4826 * np.median(np.abs(residual)) * np.sqrt(len(residual) / max(1, len(residual) - 3)))
+    return float(TO_SD * np.median(np.abs(residual)) * np.sqrt(len(residual) / max(1, len(residual) - 3)))
 
 
 def _correlation(found: list[Arc]) -> float:

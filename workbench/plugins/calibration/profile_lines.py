@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from workbench.api import Bool, Float, Int, Recording, Shaped
+from workbench.api import TO_SD, Bool, Float, Int, Recording, Shaped
 from workbench.plugins.calibration.values import Rejected
 
 Target = Literal["edge", "plane", "points"]
@@ -101,7 +101,7 @@ def _line(xz: Float, noise_mm: float) -> _Line | str:
         direction = np.linalg.svd(xz[near] - middle, full_matrices=False)[2][0]
         direction = direction * np.sign(direction @ (xz[-1] - xz[0]))
         off = (xz - middle) @ np.array([-direction[1], direction[0]])
-        scale = max(noise_mm, 1.4826 * float(np.median(np.abs(off[near]))))
+        scale = max(noise_mm, TO_SD * float(np.median(np.abs(off[near]))))
         near = np.abs(off) <= FAR * scale
         if near.sum() < max(LEAST_POINTS, MOST_STRAY * len(xz)):
             return "the points beside the corner lie on no straight line"

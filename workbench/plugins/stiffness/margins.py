@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.api import AnyArray, Cell, Chain, Cutter, Float, InputError, Int, Shaped, Toolpath, estimator
+from workbench.api import COVERAGE, AnyArray, Cell, Chain, Cutter, Float, InputError, Int, Shaped, Toolpath, estimator
 from workbench.plugins.stiffness.dynamics import at_tool
 from workbench.plugins.stiffness.stability import Dynamics, Milling, limits, milling, screened
 from workbench.plugins.stiffness.values import CuttingProcess, MillingForce, RobotModes
 
-COVERAGE = 2.0
 SAME_MM = 0.05  # radial depths that count as one
 STEP = 0.05  # of a logarithm, by which sensitivities are found
 FEWER = 3  # places at which a posture is screened, of the layer whose cut is widest

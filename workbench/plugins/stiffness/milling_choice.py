@@ -12,10 +12,10 @@ from itertools import product
 
 import numpy as np
 
-from workbench.api import DEG, Cell, Float, Int, Shaped, Toolpath
+from workbench.api import COVERAGE, DEG, Cell, Float, Int, Shaped, Toolpath
 from workbench.plugins.stiffness.elastic import MM
 from workbench.plugins.stiffness.force import mean_matrices
-from workbench.plugins.stiffness.margins import COVERAGE, Cuts, is_stable
+from workbench.plugins.stiffness.margins import Cuts, is_stable
 from workbench.plugins.stiffness.stability import Dynamics
 
 DIRECTIONS = ("up", "down")  # as the path runs, and backwards

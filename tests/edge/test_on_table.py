@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bench.odd_plates import Drawn, Sizes, plate
-from bench.outside import FAR_MM, Part, simulate
+from bench.outside import FAR_MM, Part, Section, simulate
 from bench.score.measure import alone
 from bench.score.outsider import plain
 from tests.seldom import seldom
@@ -34,6 +34,13 @@ def test_a_gap_below_the_plate_is_in_u(is_raw: bool, gap_mm: float) -> None:
         told += not found.refused
         assert all((np.abs(one.error) <= 3.0 * one.u).all() for one in found.found.values()), seed
     assert told >= 3
+
+
+def test_what_a_narrow_root_face_stands_over_does_not_turn_it() -> None:
+    """Between the face's end and where its line meets the table, returns are the table's: the bevel was 8 deg off."""
+    section = Section(0.8, 0.0, 35.0 * DEG, 6.0, 0.3, 0.25)
+    found = alone(plain(simulate(7, False, section), is_raw=False)).found["bevel_deg"]
+    assert (np.abs(found.error) <= 3.0 * found.u).all()
 
 
 def test_a_path_names_that_a_stop_looks_alike() -> None:

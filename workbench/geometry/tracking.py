@@ -116,11 +116,16 @@ def _spans(x: Float32, side: float, limits: Float) -> Int:
 def _sums(
     x: Float32, z: Float32, keep: Bool, spans: Int, side: float, state: Float, limits: Float, gates: Float, out: Float
 ) -> None:
-    """Fill `out` (4, 8), rows COUNT to SZZ: each face's sums over the points within its limits and gate, mm along z."""
+    """Fill `out` (4, 8), rows COUNT to SZZ: each face's sums over the points within its limits and gate, mm along z.
+
+    Of the root face those alone that lie no nearer to what joins its lower end: above a table that crosses its line.
+    """
     for f in range(4):
         i, j = spans[f, 0], spans[f, 1]
         start, stop, k, c = limits[f, 0], limits[f, 1], state[f, SLOPE], state[f, OFFSET]
-        n, mx, mr, sxx, sxr, srr = _moments(x[i:j], z[i:j], keep[i:j], side, start, stop, k, c, gates[f])
+        beside = LOWER if f == ROOT and state[LOWER, SEEN] else f
+        other, lean = state[beside], np.sqrt((1.0 + k * k) / (1.0 + state[beside, SLOPE] ** 2))
+        n, mx, mr, sxx, sxr, srr = _moments(x[i:j], z[i:j], keep[i:j], side, start, stop, k, c, gates[f], other, lean)
         out[f, COUNT], out[f, SXX], out[f, SXZ] = n, sxx, sxr + k * sxx  # z no longer relative to the line
         out[f, SZZ] = srr + 2.0 * k * sxr + k * k * sxx
         out[f, X_MEAN] = mx + start * side if n > 0 else 0.0
@@ -129,14 +134,29 @@ def _sums(
 
 @kernel(fastmath={"reassoc", "contract"})
 def _moments(
-    x: Float32, z: Float32, keep: Bool, side: float, start: float, stop: float, slope: float, offset: float, gate: float
+    x: Float32,
+    z: Float32,
+    keep: Bool,
+    side: float,
+    start: float,
+    stop: float,
+    slope: float,
+    offset: float,
+    gate: float,
+    other: Float,
+    lean: float,
 ) -> tuple[float, float, float, float, float, float]:
-    """Count, means of x and r and centred sums xx, xr, rr of a face's points: x from its start, r from its line."""
+    """Count, means of x and r and centred sums xx, xr, rr of a face's points: x from its start, r from its line.
+
+    Of those alone that lie no nearer to an `other` line, along whose z distances are `lean` times as long.
+    """
+    k, c = other[SLOPE], other[OFFSET]
     n, sx, sr, sxx, sxr, srr = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(x.size):
         xj = np.float64(x[j])
         r = np.float64(z[j]) - slope * xj - offset
-        if keep[j] & (start <= side * xj) & (side * xj <= stop) & (abs(r) <= gate):
+        near = (abs(r) <= gate) & (abs(r) <= lean * abs(np.float64(z[j]) - k * xj - c))
+        if keep[j] & (start <= side * xj) & (side * xj <= stop) & near:
             u = xj - start * side
             n, sx, sr, sxx, sxr, srr = n + 1.0, sx + u, sr + r, sxx + u * u, sxr + u * r, srr + r * r
     mx, mr = sx / max(n, 1.0), sr / max(n, 1.0)

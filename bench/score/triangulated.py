@@ -83,6 +83,9 @@ def way(rng: Generator, part: Workpiece, elevation_deg: float) -> tuple[Way, flo
 
 def made(part: Workpiece, eye: Sensor, led: Way, seed: int, known: dict[str, Any], about: str) -> Drawn:
     drawn = simulate(part, eye, [led], seed)
+    while not drawn.truth["seen"].any():  # as an operator would
+        eye = replace(eye, threshold=0.7 * eye.threshold)
+        drawn = simulate(part, eye, [led], seed)
     declared: dict[str, Any] = {"kind": part.kind}
     if part.kind == "milled":
         declared = nominal(part.root_mm.mean, part.bevel.mean / DEG)

@@ -19,7 +19,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from workbench.artefacts import Recording
-from workbench.units import Float
+from workbench.units import Bool, Float
 
 FAR_MM = 40.0  # how far the plate reaches from its edge
 STRAIGHT_MM = 1e6  # radius of a straight edge
@@ -210,7 +210,9 @@ def simulate(part: Workpiece, sensor: Sensor, ways: list[Way], seed: int) -> Sim
         stamps = time + np.arange(s.size) * 0.02
         time = stamps[-1] + 5.0
         passes.append((stamps, x, z, light, told, np.full(s.size, number)))
-        seen.append(s[np.isfinite(z).sum(axis=1) > 20])
+        seen.append(
+            s[np.isfinite(z).sum(axis=1) > 20 if part.kind == "groove" else shown(part, part_from_sensor, s, x, z)]
+        )
     stamps, x, z, light, told, numbers = (np.concatenate(column) for column in zip(*passes, strict=True))
     order = -1 if sensor.falls else 1
     recording = Recording(
@@ -229,6 +231,15 @@ def simulate(part: Workpiece, sensor: Sensor, ways: list[Way], seed: int) -> Sim
     return Simulated(recording, true(part, base_from_part, np.sort(np.concatenate(seen))))
 
 
+def shown(part: Workpiece, part_from_sensor: Float, s: Float, x: Float, z: Float) -> Bool:
+    """Frames (n,) with returns from the middle of the root face or raw end face: it may be dark, or in shadow."""
+    high = part.root_mm.at(s, part.length_mm) if part.kind == "milled" else np.full(s.size, part.thickness_mm)
+    middle = part.place(s, np.zeros_like(s), 0.5 * high) - part_from_sensor[:, :3, 3]
+    spot = np.einsum("nji,nj->ni", part_from_sensor[:, :3, :3], middle)
+    near = np.hypot(x - spot[:, :1], z - spot[:, 2:]) < 0.3 * high[:, None]
+    return np.asarray(near.sum(axis=1) > 2)
+
+
 def true(part: Workpiece, base_from_part: Float, seen: Float) -> dict[str, Any]:
     """Stations; normal, across and tangent are those of the root face or the leaning end face.
 
@@ -240,7 +251,10 @@ def true(part: Workpiece, base_from_part: Float, seen: Float) -> dict[str, Any]:
     away, up = axes[:, :, 0], axes[:, :, 1]
     level = part.thickness_mm if part.kind == "groove" else 0.0
     place = part.place(s, np.zeros_like(s), level) @ base_from_part[:3, :3].T + base_from_part[:3, 3]
-    found: dict[str, Any] = {"position_mm": place, "seen": (s >= seen[0]) & (s <= seen[-1])}
+    found: dict[str, Any] = {
+        "position_mm": place,
+        "seen": (s >= seen.min(initial=np.inf)) & (s <= seen.max(initial=-np.inf)),
+    }
     if part.kind == "raw":
         normal = np.cos(lean) * away - np.sin(lean) * up
         across = np.cos(lean) * up + np.sin(lean) * away

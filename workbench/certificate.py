@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 from workbench.errors import InputError
 from workbench.storage import regular_file
+from workbench.strict_json import MAX_BYTES
 
 DCC, SI = "{https://ptb.de/dcc}", "{https://ptb.de/si}"
-MAX_BYTES = 2**24  # with pictures and a PDF in it, as base 64
 DECLARES = re.compile(rb"<!(DOCTYPE|ENTITY)", re.IGNORECASE)
 LENGTHS = {  # in mm
     rf"{prefix}\metre": value

@@ -10,13 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.storage import read_text
+from workbench.storage import MOST_BYTES, read_text
 from workbench.units import Float, Shaped
 
 NAME = "Kistler DynoWare"
 MARK = "DynoWare"
 MOST_HEAD = 60  # lines
-MAX_BYTES = 2**28
 UNITS = {"N": 1.0, "kN": 1000.0, "Nm": 1.0, "V": 1.0}
 TABLE = ("fx_n", "fy_n", "fz_n")
 
@@ -45,7 +44,7 @@ def read_forces(path: Path, rate_hz: float | None = None) -> Forces:
     Raises:
         InputError: no row of channels, a unit that is not known, a cell that is no number, times that do not rise.
     """
-    lines = read_text(path, MAX_BYTES).splitlines()
+    lines = read_text(path, MOST_BYTES).splitlines()
     first = lines[0] if lines else ""
     delimiter = "\t" if "\t" in first else ";" if ";" in first else ","
     if recognises(first):

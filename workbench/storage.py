@@ -19,6 +19,7 @@ from typing import Any
 from workbench.errors import InputError, OutputError, nearest
 
 MEGABYTE = 1e6
+MOST_BYTES = 2**28  # of a table of numbers
 SPARE_BYTES = 1_000_000  # for headers and tables beside the grids
 
 

@@ -20,6 +20,7 @@ Bool = NDArray[np.bool_]
 AnyArray = NDArray[Any]
 
 DEG = math.pi / 180.0  # rad per degree: `angle_deg * DEG` is in rad, `angle / DEG` in deg
+MM = 1e3  # mm per m
 COVERAGE = 2.0  # U = k u with k = 2, about 95 %
 TO_SD = 1.4826  # a normal distribution's standard deviation by its median absolute value
 

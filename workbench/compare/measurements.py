@@ -14,6 +14,7 @@ from workbench.artefacts import UNKNOWN_PART, Part, u_name
 from workbench.artefacts.edges import ALL_TERMS, named, required_in_file
 from workbench.errors import InputError, nearest
 from workbench.storage import csv_rows, finite_number
+from workbench.strict_json import MAX_BYTES
 from workbench.units import Float, Shaped
 
 CHARACTERISTICS = {name: u_name(name) for name in ALL_TERMS}  # of every joint, and their standard uncertainties
@@ -144,7 +145,6 @@ def read_inspection(path: Path, part: str = ONLY, operator: str = ONLY) -> Measu
 
 # The rows of a gauge study's file, as texts by column.
 
-MAX_BYTES = 2**24
 COLUMNS = (
     "part",
     "operator",

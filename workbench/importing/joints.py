@@ -19,11 +19,10 @@ from workbench.importing.mapping import Mapping
 from workbench.importing.mapping_parts import LENGTH_MM
 from workbench.importing.neutral import Imported, JointStream, PoseStream
 from workbench.importing.text import read_table, recognised
-from workbench.units import DEG, Float
+from workbench.units import DEG, MM, Float
 
 pin = Extra("pinocchio")
 
-MM = 1e3  # mm per m
 SLACK = 0.02  # rad or m by which a joint may stand beyond its limits
 
 

@@ -11,13 +11,13 @@ from workbench.artefacts.decisions import SHAPE_ONLY
 from workbench.errors import InputError
 from workbench.geometry.poses import is_rigid
 from workbench.stage import InputFile, stage
+from workbench.storage import MOST_BYTES
 from workbench.strict_json import content_digest
 from workbench.units import Float
 
 if TYPE_CHECKING:
     from workbench.result_files.contract import LayerRow, ToolpathFile, TravelPoint
 
-MAX_BYTES = 2**28
 PLACE_UNSAID = f"{SHAPE_ONLY}the file does not say what shows where the part stands in the robot's base"
 
 
@@ -42,7 +42,7 @@ def read(*, toolpath: InputFile) -> Toolpath:
     """
     from workbench.result_files import ToolpathFile  # the models take time to build: where there is something to read
 
-    file, where = ToolpathFile.read(toolpath, MAX_BYTES), f"{toolpath}: $"
+    file, where = ToolpathFile.read(toolpath, MOST_BYTES), f"{toolpath}: $"
     needs, depth, last = file.requirements, file.requirements.depth_of_cut_mm, len(file.layers) - 1
     layers = tuple(_layer(row, depth, last - i) for i, row in enumerate(file.layers))
     cut = [point for row in file.layers for point in row.points if point.cutting]

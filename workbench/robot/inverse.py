@@ -24,6 +24,7 @@ from workbench.geometry.poses import mapped, rotation_from_vector, vector_from_r
 from workbench.kernels import kernel
 from workbench.robot.kinematics import Chain, forward_kinematics, jacobian
 from workbench.robot.wrist import (
+    SINGULAR,
     OffsetWrist,
     SphericalWrist,
     angle_about,
@@ -41,7 +42,6 @@ from workbench.robot.wrist import (
 from workbench.units import AnyArray, Float, Int
 
 BRANCHES = 8  # two for each of the up to four places of the first three joints
-SINGULAR = 1e-13  # sine below which an angle is free and set to 0
 MOST = 16  # solutions of any six revolute joints (Primrose 1986)
 DEGREE, SAMPLES = 8, 32  # of the polynomial in joint 6, and places around the circle where it is computed
 BEGIN = 0.0123  # rad, of these places: no special angle

@@ -23,15 +23,15 @@ from workbench.geometry.poses import inverse, mapped, pose_from, rotation_from_r
 from workbench.robot.cell import Shape, read_mesh
 from workbench.robot.kinematics import CONVENTIONAL, Bodies, Chain
 from workbench.storage import regular_file
-from workbench.units import DEG, Float
+from workbench.strict_json import MAX_BYTES
+from workbench.units import DEG, MM, Float
 
 if TYPE_CHECKING:
     import pinocchio as pin
 else:
     pin = Extra("pinocchio")
 
-MM = 1e3  # mm per m
-MAX_BYTES, MAX_DEPTH = 2**24, 64
+MAX_DEPTH = 64
 EXPAND = Path(__file__).with_name("expand.py")  # run, not imported
 XACRO, EXPANDED_S = re.compile(rb"<xacro:|\$[({]"), 30.0  # what no URDF holds
 LEAST_RANGE = 0.2  # rad, the middle of six: in degrees made radians twice, 654 deg

@@ -36,12 +36,12 @@ from workbench.robot.cell import Cell
 from workbench.robot.collision import base_from_targets
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import forward_kinematics
+from workbench.robot.surface import NO_LENGTH_MM
 from workbench.units import DEG, AnyArray, Bool, Float, Int, Shaped
 
 Values = Float | float  # of the external axes, rad: one number, of several a vector
 ToFlange = Callable[[Float, Values], Float]  # the flange (4, 4) among the targets, at joint angles (6,) and such values
 STRAIGHT, CIRCULAR, CORNER, JOINTS = range(4)
-NO_LENGTH_MM = 1e-6
 MOST_TURN = 170 * DEG  # of a move's orientation: beyond it, controllers may take either way round
 BLENDING_JOINTS = "a joint move that blends: its way depends on the controller; expected a stop before and after it"
 TURN_SPEED = 50 * DEG  # rad/s where the orientation alone moves, and of the turntable where a program does not say

@@ -32,7 +32,7 @@ NEARLY = 0.01  # sine of an angle between axes 2 and 3 that Newton's steps take 
 ROUNDING = 1e-14  # parts of the largest coefficient
 Side = Literal["front", "back", "elbow_up", "elbow_down", "unflipped", "flipped"]
 SIDES = tuple(zip(get_args(Side)[::2], get_args(Side)[1::2], strict=True))  # what `arm_sides` calls false and true
-SINGULAR = 1e-13  # distance from an axis in m, below which an angle is free and set to 0
+SINGULAR = 1e-13  # distance from an axis in m, and sine, below which an angle is free and set to 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -28,7 +28,7 @@ from workbench.geometry.poses import (
     slerp,
 )
 from workbench.stage import InputFile, Seed, stage
-from workbench.storage import csv_rows, finite_number
+from workbench.storage import MOST_BYTES, csv_rows, finite_number
 from workbench.synthetic.milling import Hit, Motion, Stock
 from workbench.synthetic.workpiece import Workpiece
 from workbench.units import DEG, Bool, Float, Shaped
@@ -238,7 +238,6 @@ class Watch:
 
 COLUMNS = ("layer", "point", "dx_mm", "dy_mm", "dz_mm")
 _MOST_MM = 100.0
-MAX_BYTES = 2**28
 
 
 def read_deflections(path: Path, layers: Sequence[Layer]) -> dict[int, Float]:
@@ -248,7 +247,7 @@ def read_deflections(path: Path, layers: Sequence[Layer]) -> dict[int, Float]:
     begin with # are comments. InputError names the line.
     """
     found = {layer.index: np.zeros((len(layer.position_mm), 3)) for layer in layers}
-    for where, row in csv_rows(path, MAX_BYTES, COLUMNS):
+    for where, row in csv_rows(path, MOST_BYTES, COLUMNS):
         layer, point, *shift = (finite_number(row.get(name, ""), f"{where}: {name}") for name in COLUMNS)
         if layer not in found or not 0 <= point < len(found[int(layer)]) or point != int(point):
             raise InputError(where, f"a point of the path; there is no point {point:g} in a layer {layer:g}")

@@ -101,7 +101,9 @@ def _expected(entry: ErrorDetails, place: Place, model: type[BaseModel] | None) 
     if isinstance(value, Mapping) and entry["type"] == "value_error":
         return text  # says itself which of its values it is
     if "tolerance" in path_of(place) and isinstance(value, int | float):
+        most = entry["ctx"][BOUNDS[entry["type"]][0]] if entry["type"] in BOUNDS else 0.0
         text = f"expected the lower and the upper deviation, as [{-abs(value)}, {abs(value)}]"
+        text = f"expected a deviation from the nominal size, in mm or deg, of at most {abs(most):g}" if most else text
     if entry["type"] in LENGTHS:
         text = f"expected {entry['ctx'][LENGTHS[entry['type']][0]]} values at {LENGTHS[entry['type']][1]}"
     shown = repr(value)

@@ -374,6 +374,17 @@ def _bowed(millimetres: float) -> Spoil:
     )
 
 
+def later(change: Callable[[Float, Float], tuple[Float, Float]]) -> Spoil:
+    """x and z (N, M) are others from the middle frame on."""
+
+    def changed(r: Recording) -> tuple[Float, Float]:
+        early = np.arange(len(r.time_s))[:, None] < len(r.time_s) // 2
+        x, z = change(r.x_mm, r.z_mm)
+        return np.where(early, r.x_mm, x), np.where(early, r.z_mm, z)
+
+    return _grid(changed)
+
+
 def _same(r: Recording, _: Rng) -> Recording:
     return r
 
@@ -452,6 +463,9 @@ KINDS: dict[str, Kind] = {
     "x bowed by 0.1 mm": Kind(_bowed(0.1), ("scale",), "sensor"),
     "x scale 1.2": Kind(_grid(lambda r: (r.x_mm * 1.2, r.z_mm)), ("scale",), "sensor"),
     "z scale 1.05": Kind(_grid(lambda r: (r.x_mm, r.z_mm * 1.05)), ("scale",), "sensor"),
+    "x scale 1.04 from the middle on": Kind(later(lambda x, z: (1.04 * x, z)), ("scaled by +4.0 %",)),
+    "x mirrored from the middle on": Kind(later(lambda x, z: (-x, z)), ("mirrored",)),
+    "columns reversed from the middle on": Kind(later(lambda x, z: (x[:, ::-1], z[:, ::-1])), ("reversed",)),
     "all frames alike": Kind(_frames(lambda n: np.full(n, n // 2)), ("repeating", "frozen")),
     "scanner hangs for an eighth": Kind(_frames(_hangs), ("repeating", "frozen")),
     "every frame twice": Kind(_frames(lambda n: np.arange(n) // 2 * 2), ("repeating", "frozen")),

@@ -217,6 +217,7 @@ def test_that_the_hand_eye_pose_is_exact_is_told_unless_its_u_is_known() -> None
         ({"land_mm": 2.0, "land_tolerance_mm": [-0.5, "x"]}, "land_tolerance_mm", "lower <= 0 <= upper"),
         ({"land_mm": 2.0, "land_tolerance_mm": [0.1, 0.5]}, "land_tolerance_mm", "lower <= 0 <= upper"),
         ({"land_mm": 2.0, "land_tolerance_mm": [-0.5, -0.1]}, "land_tolerance_mm", "lower <= 0 <= upper"),
+        ({"land_mm": 2.0, "land_tolerance_mm": [-500, 500]}, "land_tolerance_mm", "at most 50"),
     ],
 )
 def test_requirements_that_cannot_be_judged_are_refused_with_their_place(

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from workbench.artefacts import DIRECTIONS, END, TANGENT, MilledEdge, Quantity, Unseen
+from workbench.errors import PipelineError
 from workbench.inspect import sections
 
 Maker = Callable[..., MilledEdge]
@@ -92,6 +93,14 @@ def test_requirements_and_guard_band_are_the_callers(edge: Maker) -> None:
     narrow = {**own, "root_tolerance_mm": (-0.1 - 3 * u, 0.0)}
     assert sections(part, **narrow, guard_factor=0.0).verdict == "pass"
     assert sections(part, **narrow, guard_factor=5.0).verdict == "undecided"
+
+
+@pytest.mark.parametrize(
+    "given", [{"root_tolerance_mm": (-500, 500)}, {"root_tolerance_mm": (-0.5, 500)}, {"bevel_tolerance_deg": (-60, 1)}]
+)
+def test_a_tolerance_in_another_unit_is_refused(edge: Maker, given: dict[str, Any]) -> None:
+    with pytest.raises(PipelineError, match="expected a deviation from the nominal size, in mm or deg, of at most 50"):
+        sections(edge(), **given)
 
 
 def test_failures_between_the_sections_are_told(edge: Maker) -> None:

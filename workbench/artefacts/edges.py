@@ -9,9 +9,10 @@ import html
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
 from workbench.artefacts.evidence import UNKNOWN_PART, Check, Part, Unseen, Verdict
 from workbench.artefacts.quantities import Quantity
@@ -75,6 +76,10 @@ class RawEdge(Edge):
     hand_eye_turn: Shaped[Float, " n"] | None = None  # of `normal_u`: what the hand-eye pose has in it, rad
     # `along_normal_mm`, `along_across_mm` and `axis_deg`, whose u are `position_u_mm` and `normal_u`; (): not told
     budget: tuple[Quantity, ...] = ()
+
+
+MOST_OFF = 50.0  # of a size from its nominal one, mm or deg: thicker plates have no such edge
+Deviations = tuple[Annotated[float, Field(ge=-MOST_OFF, le=0)], Annotated[float, Field(ge=0, le=MOST_OFF)]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

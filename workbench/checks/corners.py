@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import Cloud
+from workbench.checks.sensor import some
 from workbench.geometry.blocks import as_input
 from workbench.geometry.medians import median_of
 from workbench.kernels import kernel
@@ -96,7 +97,7 @@ def frames_with(labels: AnyArray, faces: Iterable[int], count: int) -> Int:
         found = every * np.flatnonzero(np.all([(labels[::every] == face).any(axis=1) for face in faces], axis=0))
         if len(found) >= count or every == 1:
             break
-    return found[np.unique(np.linspace(0, len(found) - 1, count).astype(np.int64))] if len(found) else found
+    return some(found, count) if len(found) else found
 
 
 def thinning(frames: int, count: int) -> int:

@@ -11,6 +11,7 @@ from workbench.checks.faces import LEAST_POINTS, SAMPLE, direction, rising
 from workbench.checks.judge import refuse_failed
 from workbench.checks.levels import beside_share
 from workbench.checks.limits import Bound, check
+from workbench.checks.sensor import some
 from workbench.checks.straightness import straight_checks, straightness
 from workbench.units import DEG, AnyArray
 
@@ -43,7 +44,7 @@ def require_end_face(
         InputError: what was found is no end face of a raw plate.
     """
     rows = np.flatnonzero((labels == ROOT_FACE).any(axis=1))
-    rows = rows[np.unique(np.linspace(0, len(rows) - 1, SAMPLE).astype(int))] if len(rows) else rows
+    rows = some(rows, SAMPLE) if len(rows) else rows
     wished = np.asarray(upper_side, dtype=float)
     seen = [_lean(cloud, labels[i], int(i), wished / np.linalg.norm(wished)) for i in rows]
     leans = [lean for lean in seen if lean is not None]

@@ -13,7 +13,7 @@ from workbench.checks.corners import frames_with, stands_out, thinning
 from workbench.checks.judge import refuse_failed
 from workbench.checks.levels import beside_check
 from workbench.checks.limits import Bound, check, least, most
-from workbench.checks.sensor import column_pitch_mm
+from workbench.checks.sensor import column_pitch_mm, some
 from workbench.checks.straightness import NAMES, Straightness, straight_checks, straightness
 from workbench.geometry.medians import median
 from workbench.units import DEG, AnyArray, Float
@@ -148,7 +148,7 @@ def judge_faces(
     share = float((found & shows).sum() / max(int(shows.sum()), 1))
     told = f"faces of a bevel were found in {100 * share:.0f} % of the frames: no bevel, or little of one?"
     rows = every * np.flatnonzero(found)
-    rows = rows[np.unique(np.linspace(0, len(rows) - 1, SAMPLE).astype(int))] if len(rows) else rows
+    rows = some(rows, SAMPLE) if len(rows) else rows
     clear = _without_rim(cloud, labels, rim_mm) if rim_mm > 0.0 else labels
     shape = {face: straightness(cloud, clear, face) for face in NAMES}
     seen = [one for i in rows if (one := _corner_of(cloud, labels[i], int(i))) is not None]

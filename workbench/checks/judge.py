@@ -12,8 +12,9 @@ from workbench.artefacts import LINEAR_AXIS, Check, Recording
 from workbench.checks.conventions import AS_READ, Convention, known_conventions
 from workbench.checks.limits import Bound, check, least, most
 from workbench.checks.motion import LEAST_STRETCH, Consistency, chord_obliquity_deg, consistency, jump_mm
+from workbench.checks.one_sensor import lateral_step
 from workbench.checks.passes import Repeats, disagreement_mm, find_repeats
-from workbench.checks.profiles import ALIKE_MM, IN_ORDER, Chain, chains, disorder
+from workbench.checks.profiles import ALIKE_MM, IN_ORDER, Chain, chains, disorder, mirrored_frames
 from workbench.checks.sensor import (
     PACKED,
     column_pitch_mm,
@@ -282,6 +283,10 @@ def _checks(
     calibrating: bool,
 ) -> Iterator[Check]:
     calibration = calibrating or recording.sphere_diameter_mm is not None
+    change, frame = lateral_step(recording.x_mm, recording.z_mm)
+    how = "x is mirrored, or columns are reversed," if change < -1.0 else f"x is scaled by {100.0 * change:+.1f} %"
+    told = f"{how} from frame {frame} on: is it of another sensor?" if change else ""
+    yield check("one_sensor", abs(change), told, given=given)
     varies, name = steadiest(recording.x_mm, recording.z_mm)
     told = f"the {name} is the same in every frame: were they zeroed, levelled or centred one by one? switch that off"
     yield check("frames_vary", varies, told, given=given)
@@ -420,7 +425,7 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
 
 
 def _told_of_sensor(recording: Recording, mean_frames: float) -> Iterator[Check]:
-    """What may hide the end of a face, told and not judged: a name, its value, whether it is told, and how."""
+    """What may hide the end of a face, told and not judged: a name, its value, and how it is told."""
     seen, in_u = telling_returns(recording.z_mm), "in the uncertainty of the face's end"
     dropped, hidden = dropped_columns(some_frames(recording)), hidden_columns(seen)
     blind = blind_columns(seen)
@@ -428,7 +433,6 @@ def _told_of_sensor(recording: Recording, mean_frames: float) -> Iterator[Check]
         (
             "mean_frames",
             mean_frames,
-            mean_frames > 0.0,
             in_u,
             "no mean over frames is seen",
             f"the sensor has averaged over {mean_frames:.0f} frames, which blurs what changes along the edge",
@@ -436,7 +440,6 @@ def _told_of_sensor(recording: Recording, mean_frames: float) -> Iterator[Check]
         (
             "dropped_columns",
             dropped,
-            dropped > 0,
             in_u,
             "single losses leave gaps of one column, or too few were seen",
             f"beside every lost return {dropped} more columns are lost on both sides: a face may go on by as much",
@@ -444,7 +447,6 @@ def _told_of_sensor(recording: Recording, mean_frames: float) -> Iterator[Check]
         (
             "hidden_columns",
             hidden,
-            hidden > 0,
             in_u,
             "no end stays in one column, or no others are blind",
             f"returns end in one column, and elsewhere {hidden} columns are blind side by side: the face that ends "
@@ -453,14 +455,13 @@ def _told_of_sensor(recording: Recording, mean_frames: float) -> Iterator[Check]
         (
             "blind_columns",
             blind,
-            blind > 0,
             "a face that ends beside them is known to their width",
             "every column between others measures",
             f"{blind} columns between others that measure never return: is the scanner's window dirty?",
         ),
     )
-    for name, value, is_told, reason, nothing, told in rows:
-        yield Check(name, value, None, True, reason, told if is_told else nothing)
+    for name, value, reason, nothing, told in rows:
+        yield Check(name, value, None, True, reason, told if value else nothing)
 
 
 def _hand_eye_check(hand_eye: Float, given: Mapping[str, Bound]) -> Check:
@@ -472,35 +473,35 @@ def _hand_eye_check(hand_eye: Float, given: Mapping[str, Bound]) -> Check:
 def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bound]) -> Iterator[Check]:
     found = chains(recording.x_mm, recording.z_mm, recording.pass_index)
     now = consistency(found, _poses(recording, found, hand_eye, AS_READ))
-    steadier = _steadier(recording, found, hand_eye, now)
-    oblique = check("obliquity_deg", now.obliquity_deg, given=given)
-    varied = VARIED_DEG if steadier else most("obliquity_varies_deg")
-    varies = check("obliquity_varies_deg", now.varies_deg, given=given, default=varied)
-    wide = check("twist_deg", now.twist_deg, given=given)
-    unsteady = check("unsteady_twist_deg", now.unsteady_deg, given=given)
-    suspected = steadier
+    suspected = steadier = _steadier(recording, found, hand_eye, now)
+    plane, about = "the laser plane is {:.0f} deg off square", "the section would rotate by {:.2f} deg about the edge"
+    varied = "the angle between laser plane and edge would vary by {:.1f} deg to each side"
+    judged = [
+        check(name, value, told.format(value), given=given, default=bound)
+        for name, value, told, bound in (
+            ("obliquity_deg", now.obliquity_deg, plane, None),
+            ("obliquity_varies_deg", now.varies_deg, varied, VARIED_DEG if steadier else None),
+            ("unsteady_twist_deg", now.unsteady_deg, f"{about} and back, unlike any plate", None),
+            ("twist_deg", now.twist_deg, f"{about}, which the orientations do not explain", None),
+        )
+    ]
+    turned = [frame for chain in found.values() for frame in mirrored_frames(recording.x_mm, recording.z_mm, chain)]
+    told = f"profiles are mirrored, or their columns reversed, from frame {turned[0]} on" if turned else ""
+    yield check("mirrored_frames", len(turned), told, given=given)
     yield from _order_checks(recording, found, given)
     told = f"the recorded poses jump by {now.pose_noise_mm:.2f} mm across the edge: noisy, or rounded?"
     yield check("pose_noise_mm", now.pose_noise_mm, told, given=given)
     sure = SURE_TWIST_DEG if now.obliquity_deg < OBLIQUE_DEG else CONVENTION_TWIST_DEG
-    unexplained = now.twist_deg > sure + now.waved_deg
-    if unexplained or not (oblique.passed and varies.passed and wide.passed and unsteady.passed):
-        only = oblique.passed and varies.passed and wide.passed and unsteady.passed
+    unexplained, only = now.twist_deg > sure + now.waved_deg, all(one.passed for one in judged)
+    if unexplained or not only:
         readings = _consistent(recording, found, hand_eye, most("obliquity_deg"), turning=only)
         explained = [one.name for one, c in readings if one is not AS_READ and _explains(c, now)]
         suspected = [*steadier, *(name for name in explained if name not in steadier)]
+    if unexplained and _turning(suspected):
+        told = judged[3].finding
+        judged[3] = check("twist_deg", now.twist_deg, told, given=given, default=CONVENTION_TWIST_DEG)
     hint = f"; suspicion: {ELSE.join(suspected)}" if suspected else UNKNOWN
-    told = f"the laser plane is {now.obliquity_deg:.0f} deg off square"
-    yield dataclasses.replace(oblique, finding=told if oblique.passed else told + hint)
-    told = f"the angle between laser plane and edge would vary by {now.varies_deg:.1f} deg to each side"
-    yield dataclasses.replace(varies, finding=told if varies.passed else told + hint)
-    told = f"the section would rotate by {now.unsteady_deg:.2f} deg about the edge and back, unlike any plate"
-    yield dataclasses.replace(unsteady, finding=told if unsteady.passed else told + hint)
-    told = f"the section would rotate by {now.twist_deg:.2f} deg about the edge, which the orientations do not explain"
-    by_reading = unexplained and suspected and _turning(suspected)
-    most_deg = CONVENTION_TWIST_DEG if by_reading else most("twist_deg")
-    twist = check("twist_deg", now.twist_deg, given=given, default=most_deg)
-    yield dataclasses.replace(twist, finding=told if twist.passed else told + hint)
+    yield from (one if one.passed else dataclasses.replace(one, finding=one.finding + hint) for one in judged)
     yield _unseen(recording, found, now)
     yield from _pass_check(recording, found, hand_eye, given)
     together = min((float(one.good.mean()) for one in found.values() if len(one.good) >= LEAST_STRETCH), default=None)
@@ -545,20 +546,23 @@ def _sways(recording: Recording) -> bool:
     """Whether the flange turns unevenly enough, in some pass, for a clock offset to turn the section with it."""
     for number in np.unique(recording.robot_pass):
         at = recording.robot_pass == number
-        cosine = np.abs(
-            (recording.robot_quaternion_wxyz[at][1:] * recording.robot_quaternion_wxyz[at][:-1]).sum(axis=1)
-        )
         step_s = np.maximum(np.diff(recording.robot_time_s[at]), LEAST_S)
-        if len(step_s) and np.std(np.degrees(2.0 * np.arccos(np.clip(cosine, 0.0, 1.0))) / step_s) > SWAYING_DEG_S:
+        quaternion = recording.robot_quaternion_wxyz[at]
+        if len(step_s) and np.std(_angles_deg(quaternion[1:], quaternion[:-1]) / step_s) > SWAYING_DEG_S:
             return True
     return False
 
 
 def _turned_deg(quaternion: Float) -> float:
     """Greatest angle to the first of unit quaternions (k, 4); 0 where all are that one but for their last digits."""
-    near = np.where(quaternion @ quaternion[0] < 0.0, -1.0, 1.0)[:, None] * quaternion
-    turned = np.degrees(4.0 * np.arcsin(0.5 * np.linalg.norm(near - quaternion[0], axis=1).max()))
-    return float(turned) if turned > LAST_DIGITS_DEG else 0.0
+    turned = float(_angles_deg(quaternion, quaternion[:1]).max())
+    return turned if turned > LAST_DIGITS_DEG else 0.0
+
+
+def _angles_deg(one: Float, other: Float) -> Float:
+    """Angles (k,) between unit quaternions (k, 4) or (1, 4)."""
+    apart = np.minimum(np.linalg.norm(one - other, axis=1), np.linalg.norm(one + other, axis=1))
+    return np.asarray(np.degrees(4.0 * np.arcsin(0.5 * apart)))
 
 
 def _explains(there: Consistency, now: Consistency) -> bool:

@@ -66,6 +66,16 @@ LIMITS: dict[str, Limit] = {
         "good recordings have none, and a hiccup few; ten that come late at the start of a ring put its root face "
         "0.04 mm off",
     ),
+    "one_sensor": Limit(
+        0.003,
+        "change of the scale of x between neighbouring frames, where it is a single one; 2: x is mirrored",
+        "a column of a sensor measures along one ray; good recordings of four simulators have up to 0.00001",
+    ),
+    "mirrored_frames": Limit(
+        0.0,
+        "count of the places in a pass from which on profiles lie on those before in a mirror alone",
+        "a sensor's columns keep their order",
+    ),
     "frames_vary": Limit(
         (0.05, 1.0),
         "how much mean, slope, median and least range and mean place of frames vary from one to the next, "

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.checks.profiles import MEDIAN, THIRD, Chain
+from workbench.checks.sensor import some
 from workbench.units import DEG, Float, Int, Shaped
 
 REACH, LONG = 3, 20  # profiles on each side, for the direction of the way; of a stretch that is looked at without ends
@@ -104,7 +105,7 @@ def chord_obliquity_deg(chains: Mapping[int, Chain], base_from_profiler: Mapping
 
 
 def _chords_deg(chain: Chain, pose: Float) -> float:
-    at = np.unique(np.linspace(0, len(pose) - 1, 5).astype(int))
+    at = some(np.arange(len(pose)), 5)
     chord = np.diff(_carried_by(chain, pose)[0][at], axis=0)
     normal = pose[at[1:], :3, 1] + pose[at[:-1], :3, 1]
     size = np.linalg.norm(chord, axis=1) * np.linalg.norm(normal, axis=1)

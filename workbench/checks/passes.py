@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from workbench.checks.sensor import some
 from workbench.geometry.grids import frame_digests
 from workbench.units import AnyArray, Bool, Float, Int, Shaped
 
@@ -48,8 +49,7 @@ def find_repeats(z_mm: AnyArray, pass_index: Int) -> Repeats:
 
 def _has_noise(z_mm: AnyArray) -> bool:
     """Whether neighbouring returns of some frames scatter as measured ones do."""
-    some = z_mm[np.unique(np.linspace(0, len(z_mm) - 1, 9).astype(int))].astype(np.float64)
-    bend = np.abs(np.diff(some, n=2, axis=1))
+    bend = np.abs(np.diff(some(z_mm, 9).astype(np.float64), n=2, axis=1))
     bend = bend[np.isfinite(bend)]
     return bool(bend.size and np.median(bend) > NOISE_MM)
 
@@ -63,8 +63,7 @@ def _alike_passes(z_mm: AnyArray, pass_index: Int) -> dict[int, int]:
     found, bends = {}, {}
     for number in numbers:
         at = np.flatnonzero(pass_index == number)
-        some = at[np.unique(np.linspace(0, len(at) - 1, 5).astype(int))]
-        bends[int(number)] = (len(at), np.diff(z_mm[some].astype(np.float64), n=4, axis=1))
+        bends[int(number)] = (len(at), np.diff(z_mm[some(at, 5)].astype(np.float64), n=4, axis=1))
     for i, copy in enumerate(map(int, numbers)):
         for original in map(int, numbers[:i]):
             (count_a, a), (count_b, b) = bends[copy], bends[original]
@@ -115,17 +114,17 @@ def _between(x_mm: AnyArray, z_mm: AnyArray, first: Int, second: Int, poses: Flo
     origin_b = poses[second][:, :3, 3]
     normal_b = poses[second][:, :3, 1]
     found = []
-    for i in first[np.unique(np.linspace(0, len(first) - 1, PLACES + 2).astype(int))[1:-1]]:
+    for i in some(first, PLACES + 2)[1:-1]:
         points, normals = _profile(x_mm[i], z_mm[i], poses[i])
         if len(points) < LEAST:
             continue
         # the other's frames that these points lie in: several, where one of the passes leads
         behind = points[:: len(points) // LEAST] @ normal_b.T - np.einsum("ki,ki->k", normal_b, origin_b)
         crossed = second[np.flatnonzero((np.diff(np.sign(behind), axis=1) != 0).any(axis=0))]
-        some = crossed[:: len(crossed) // MOST_CROSSED + 1]
-        if not len(some):
+        if not len(crossed):
             continue
-        met = [_profile(x_mm[j], z_mm[j], poses[j]) for j in some]
+        every = len(crossed) // MOST_CROSSED + 1
+        met = [_profile(x_mm[j], z_mm[j], poses[j]) for j in crossed[::every]]
         others, their = (np.concatenate(one) for one in zip(*met, strict=True))
         if len(others) >= LEAST:
             found.append(_offset(points, normals, others, their))

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import Check
+from workbench.checks.sensor import some
 from workbench.geometry.blocks import as_input
 from workbench.geometry.medians import median_of, row_medians, select
 from workbench.kernels import kernel
@@ -140,10 +141,20 @@ def chains(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> dict[int, Chain]:
     return found
 
 
+def mirrored_frames(x_mm: AnyArray, z_mm: AnyArray, chain: Chain) -> list[int]:
+    """From which frames on the profiles of a chain lie on those before in a mirror, and not as they are."""
+    if not 0.5 < chain.good.mean() < 1.0:  # else nothing shows how well they lie on each other
+        return []
+    surface, at = on_grid(*(grid[chain.frames].astype(np.float64) for grid in (x_mm, z_mm)))
+    turned = np.append(0, np.cumsum(~chain.good))[:, None] % 2 == 1
+    other = _registered(np.where(turned, surface[:, ::-1], surface), at, chain.frames)
+    return chain.frames[1:][other.good & ~chain.good].tolist() if other else []
+
+
 def sampled(frames: Int) -> Int:
     """Every twelfth of `frames`, but some at least and not too many."""
     count = int(np.clip(len(frames) // EVERY, *FRAMES))
-    return np.asarray(frames[np.unique(np.linspace(0, len(frames) - 1, count).astype(int))])
+    return some(frames, count)
 
 
 def _chain(x_mm: AnyArray, z_mm: AnyArray, frames: Int) -> Chain | None:

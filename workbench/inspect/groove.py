@@ -17,7 +17,7 @@ from workbench.artefacts import (
     PreparationInspection,
     Unseen,
 )
-from workbench.artefacts.edges import PREPARATION_TERMS, TERMS, Joint, RecognisedInspection, named
+from workbench.artefacts.edges import MOST_OFF, PREPARATION_TERMS, TERMS, Joint, RecognisedInspection, named
 from workbench.errors import InputError, nearest
 from workbench.inspect.verdict import NOTHING_REQUIRED, judged, of_a_joint, provided, reason_of, worst
 from workbench.stage import stage
@@ -56,8 +56,10 @@ def _required(nominal: Mapping[str, Any], terms: Mapping[str, Any]) -> dict[str,
             raise ValueError(f"{size}: expected a number")
         pair = nominal.get(key)
         two = isinstance(pair, list | tuple) and len(pair) == 2 and all(map(_number, pair))
-        if pair is None or not two or not pair[0] <= 0 <= pair[1]:
-            raise ValueError(f"{key}: expected [lower, upper], deviations with lower <= 0 <= upper")
+        if pair is None or not two or not -MOST_OFF <= pair[0] <= 0 <= pair[1] <= MOST_OFF:
+            raise ValueError(
+                f"{key}: expected [lower, upper], deviations with lower <= 0 <= upper, at most {MOST_OFF:g}"
+            )
         found[size] = (float(nominal[size]), (float(pair[0]), float(pair[1])))
     return found
 

@@ -19,12 +19,10 @@ from workbench.artefacts import (
     Verdict,
     conformity,
 )
-from workbench.artefacts.edges import BEVEL_TERMS
+from workbench.artefacts.edges import BEVEL_TERMS, Deviations
 from workbench.inspect.verdict import conditions, judged, material, provided, reason_of, worst
 from workbench.stage import stage
 from workbench.units import COVERAGE, Bool, Float
-
-Tolerance = tuple[Annotated[float, Field(le=0)], Annotated[float, Field(ge=0)]]
 
 Condition = Literal[
     "told_by_nominal",
@@ -51,12 +49,12 @@ def sections(
     edge: MilledEdge,
     *,
     root_nominal_mm: Annotated[float, Field(gt=0, le=50)] = 1.5,
-    root_tolerance_mm: Tolerance = (
+    root_tolerance_mm: Deviations = (
         -0.5,
         0.5,
     ),
     bevel_nominal_deg: Annotated[float, Field(gt=0, lt=90)] = 40.0,
-    bevel_tolerance_deg: Tolerance = (-1.0, 1.0),
+    bevel_tolerance_deg: Deviations = (-1.0, 1.0),
     sections: Annotated[int, Field(ge=1, le=999)] = 9,
     guard_factor: Annotated[float, Field(ge=0, le=5)] = 1.645,
     accept_conditions: tuple[Condition, ...] = (),

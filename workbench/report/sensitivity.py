@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Chapter, Document, Edge, RawEdge, Toolpath, u_name
-from workbench.artefacts.edges import BEVEL_TERMS
+from workbench.artefacts.edges import BEVEL_TERMS, Deviations
 from workbench.errors import InputError
 from workbench.report.text import render
 from workbench.result_files import InspectionFile, RobotFile, ToolFile, TurntableFile
@@ -145,7 +145,6 @@ CALIBRATED = "its calibration"
 LINK_IN_FILE = ("name", "source", "along_b_u_mm", "tilt_u_deg", "left")
 Length = Annotated[float, Field(ge=0, le=100)]
 Angle = Annotated[float, Field(ge=0, le=20)]
-Deviations = tuple[Annotated[float, Field(le=0)], Annotated[float, Field(ge=0)]]
 
 
 @stage("report.sensitivity")

@@ -26,6 +26,7 @@ from workbench.artefacts import (
     TaughtEdge,
 )
 from workbench.artefacts.decisions import NOT_CHECKED
+from workbench.artefacts.edges import Deviations
 from workbench.cad import NominalEdge
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.parameters import Direction, RobotNoise
@@ -82,7 +83,6 @@ MOST_ROUGH_MM = 0.3  # that can be rehearsed
 HALF = 0.5
 TOLD = 4
 
-Tolerance = tuple[float, float]
 Positive = Annotated[float, Field(gt=0, le=1e4)]
 
 
@@ -155,8 +155,8 @@ def plan(
     root_mm: Positive | None = None,
     bevel_deg: Annotated[float, Field(ge=5, le=75)] | None = None,
     raw: bool = False,
-    root_tolerance_mm: Tolerance = (-0.5, 0.5),
-    bevel_tolerance_deg: Tolerance = (-1.0, 1.0),
+    root_tolerance_mm: Deviations = (-0.5, 0.5),
+    bevel_tolerance_deg: Deviations = (-1.0, 1.0),
     wanted_root_mm: Positive | None = None,
     wanted_bevel_deg: Positive | None = None,
     passes: Annotated[int, Field(ge=1, le=4)] = 2,

@@ -1,0 +1,71 @@
+"""A recording that is of one sensor in part only is refused, and told by what the other part is."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from bench.confidently_wrong.kinds import later
+from bench.recordings import with_grid
+from tests.laws.dozen import DOZEN
+from workbench.artefacts import Recording
+from workbench.checks import judge_recording
+from workbench.errors import InputError
+from workbench.scan import fuse, read
+
+RNG = np.random.default_rng(11_140_000)
+SHIPPED = ["milled_edge", "milled_arc", "milled_two_pass", "raw_edge", "raw_arc", "raw_wavy"]
+
+
+@cache
+def sound(name: str) -> Recording:
+    return DOZEN[name]().recording if name in DOZEN else read(recording=f"data/synthetic/{name}.h5")
+
+
+@pytest.mark.parametrize("name", [*DOZEN, *SHIPPED])
+def test_half_a_recording_of_another_lateral_scale_is_refused_by_its_frame(name: str) -> None:
+    """Answered, 13 to 40 u off, before."""
+    scan = sound(name)
+    middle = len(scan.time_s) // 2
+    for factor in (0.99, 1.04):
+        with pytest.raises(InputError, match=rf"x is scaled by \{100 * (factor - 1):+.1f} % from frame {middle} on"):
+            fuse(later(lambda x, z, by=factor: (by * x, z))(scan, RNG))
+
+
+@pytest.mark.parametrize("name", [*DOZEN, *SHIPPED])
+def test_half_a_recording_mirrored_or_with_its_columns_reversed_is_refused(name: str) -> None:
+    """Answered, 150 to 250 u off of a raw edge, before."""
+    scan = sound(name)
+    told = f"mirrored, or columns are reversed, from frame {len(scan.time_s) // 2} on"
+    for spoilt in (later(lambda x, z: (-x, z)), later(lambda x, z: (x[:, ::-1], z[:, ::-1]))):
+        with pytest.raises(InputError, match=told) as refused:
+            fuse(spoilt(scan, RNG))
+        assert len(str(refused.value)) < 200 + len(scan.source)
+
+
+@pytest.mark.parametrize("name", ["milled_edge", "milled_arc", "raw_edge", "raw_arc", "raw_wavy"])
+def test_ranges_in_reverse_order_are_seen_by_the_profiles_alone(name: str) -> None:
+    """Columns keep their lateral places."""
+    with pytest.raises(InputError, match="profiles are mirrored"):
+        fuse(later(lambda x, z: (x, z[:, ::-1]))(sound(name), RNG))
+
+
+@pytest.mark.parametrize("name", ["straight", "twisted", "camera", "raw", "groove"])
+def test_a_sensor_may_resample_jitter_lose_columns_and_follow_the_part(name: str) -> None:
+    scan = sound(name)
+    shape = scan.x_mm.shape
+    own = np.linspace(0.97, 1.03, shape[0])[RNG.permutation(shape[0]), None]
+    window = np.arange(shape[1] - 48) + RNG.choice([0, 16, 48], shape[0])[:, None]
+    followed = (np.take_along_axis(grid, window, axis=1) for grid in (scan.x_mm, scan.z_mm))
+    for x_mm, z_mm in (
+        (scan.x_mm + RNG.normal(0.0, 0.01, shape), scan.z_mm),
+        (np.where(RNG.random(shape) < 0.3, np.nan, scan.x_mm), scan.z_mm),
+        (own * scan.x_mm, scan.z_mm),
+        followed,
+    ):
+        spoilt = with_grid(scan, x_mm, z_mm)
+        found = {check.name: check for check in judge_recording(spoilt)}
+        assert found["one_sensor"].passed
+        assert found["mirrored_frames"].passed

@@ -1,0 +1,34 @@
+"""Whether all frames of a recording are of one sensor: a column's lateral place is one function of its range."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.checks.sensor import some
+from workbench.geometry.medians import row_medians
+from workbench.units import AnyArray
+
+FRAMES, COLUMNS, APART = 1000, 64, 8  # that are looked at, evenly; of these, columns between which x is compared
+SINGLE = 8.0  # times what nine in ten frames differ from the one before
+
+
+def lateral_step(x_mm: AnyArray, z_mm: AnyArray) -> tuple[float, int]:
+    """The greatest change of the scale of x from frame to frame of a grid (N, M), if it is a single one, and its frame.
+
+    Column j of a triangulating profiler measures along a ray: x = a_j + b_j z, b = 0 where it is rectified. b is the
+    median over pairs of frames, which no run of others moves. -2: x changes its sign; 0: all are alike. A window
+    that follows the part shifts x by more than it scales it; where one frame in ten changes its scale, as of resampled
+    places, none is another.
+    """
+    x, z = (some(some(grid, FRAMES).T, COLUMNS).astype(np.float64) for grid in (x_mm, z_mm))
+    x[np.isnan(z)] = np.nan
+    wide, by, up = x[APART:] - x[:-APART], np.diff(x), np.diff(z)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        by -= row_medians(np.where(up != 0.0, by / up, np.nan))[:, None] * up  # what moves along the ray aside
+        share = row_medians(((by[APART:] - by[:-APART]) / wide[:, :-1]).T)
+    left, was = (row_medians(np.abs(of).T) for of in (by - share * x[:, :-1], by))
+    turned = np.abs(np.diff(row_medians(np.sign(wide).T))) > 1.0  # also where no column returns in both
+    change = np.append(0.0, np.where(turned, -2.0, np.where(left < 0.5 * was, share, 0.0)))
+    size = np.abs(change)
+    k = int(size.argmax())
+    return float(change[k] * (size[k] > SINGLE * np.quantile(size, 0.9))), int(some(np.arange(len(x_mm)), FRAMES)[k])

@@ -345,14 +345,14 @@ def _passes(r: Recording, rng: Rng, count: int, dither_mm: float) -> Recording:
 
 
 @_kinds
-def _frozen_stream(r: Recording, _: Rng, share: float) -> Recording:
-    """The pose stream hangs for a share of the scan; poses at every frame, so that it can."""
+def frozen_stream(r: Recording, _: Rng, share: float, turns: bool = False) -> Recording:
+    """The pose stream, or its orientation, hangs for a share of the scan; poses at every frame, so that it can."""
     dense = dense_stream(r)
     n = len(dense.robot_time_s)
     which = np.arange(n)
     which[n // 4 : n // 4 + int(share * n)] = n // 4
-    place, turn = dense.robot_position_mm[which], dense.robot_quaternion_wxyz[which]
-    return with_values(dense, robot_position_mm=place, robot_quaternion_wxyz=turn)
+    place = dense.robot_position_mm if turns else dense.robot_position_mm[which]
+    return with_values(dense, robot_position_mm=place, robot_quaternion_wxyz=dense.robot_quaternion_wxyz[which])
 
 
 @_kinds
@@ -452,7 +452,8 @@ KINDS: dict[str, Kind] = {
     },
     **{f"{c} mirrored": Kind(_position(_negated(k)), AXES, "flange") for k, c in enumerate("xyz")},
     "poses frozen": Kind(_position(lambda p: np.repeat(p[:1], len(p), axis=0)), ("frozen",)),
-    **{f"pose stream hangs for {n} %": Kind(_frozen_stream(n / 100), ("frozen",)) for n in (60, 20)},
+    **{f"pose stream hangs for {n} %": Kind(frozen_stream(n / 100), ("frozen",)) for n in (60, 20)},
+    "orientation hangs for 30 %": Kind(frozen_stream(0.3, turns=True), ("frozen",), "flange"),
     **{
         f"profiles in {unit}": Kind(_grid(lambda r, mm=mm: (r.x_mm / mm, r.z_mm / mm)), UNIT)
         for unit, mm in (("m", 1e3), ("inches", 25.4), ("cm", 10))

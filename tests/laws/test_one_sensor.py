@@ -1,4 +1,4 @@
-"""A recording that is of one sensor in part only is refused, and told by what the other part is."""
+"""A recording of which a part is of another sensor, or of no robot, is refused, and told by what that part is."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bench.confidently_wrong.kinds import later
+from bench.confidently_wrong.kinds import frozen_stream, later
 from bench.recordings import with_grid
 from tests.laws.dozen import DOZEN
 from workbench.artefacts import Recording
@@ -69,3 +69,11 @@ def test_a_sensor_may_resample_jitter_lose_columns_and_follow_the_part(name: str
         found = {check.name: check for check in judge_recording(spoilt)}
         assert found["one_sensor"].passed
         assert found["mirrored_frames"].passed
+
+
+@pytest.mark.parametrize("name", ["milled_arc", "raw_arc", "twisted", "robot's process", "raw, camera"])
+@pytest.mark.parametrize("share", [0.3, 0.5])
+def test_an_orientation_that_hangs_in_a_part_of_a_pass_is_refused(name: str, share: float) -> None:
+    """Answered, 9 u off, before."""
+    with pytest.raises(InputError, match="and the next one jumps: a frozen stream"):
+        fuse(frozen_stream(share, turns=True)(sound(name), RNG))

@@ -11,7 +11,7 @@ import numpy as np
 from workbench.artefacts import LINEAR_AXIS, Check, Recording
 from workbench.checks.conventions import AS_READ, Convention, known_conventions
 from workbench.checks.limits import Bound, check, least, most
-from workbench.checks.motion import LEAST_STRETCH, Consistency, chord_obliquity_deg, consistency, jump_mm
+from workbench.checks.motion import LEAST_STRETCH, Consistency, chord_obliquity_deg, consistency, held_poses, jump_mm
 from workbench.checks.one_sensor import lateral_step
 from workbench.checks.passes import Repeats, disagreement_mm, find_repeats
 from workbench.checks.profiles import ALIKE_MM, IN_ORDER, Chain, chains, disorder, mirrored_frames
@@ -353,12 +353,17 @@ def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: 
     told = f"a recorded position jumps by {jump:.2g} mm in an even motion: an encoder that slipped, a base set anew, "
     told += "poses of two moves in one pass?"
     yield check("position_jump_mm", jump, told, given=given)
-    standing = []
+    standing, held = [], [0]
     for number in np.unique(recording.pass_index):
         at, time = recording.robot_pass == number, recording.time_s[recording.pass_index == number]
         place = np.stack([np.interp(time, recording.robot_time_s[at], column) for column in position[at].T], axis=1)
         step = np.linalg.norm(np.diff(place, axis=0), axis=1)
         standing.append(float((step < STANDING_MM).mean()) if len(step) else 0.0)
+        took, turn = np.maximum(np.diff(recording.robot_time_s[at]), LEAST_S), recording.robot_quaternion_wxyz[at]
+        ways = np.linalg.norm(np.diff(position[at], axis=0), axis=1), _angles_deg(turn[1:], turn[:-1])
+        held += [held_poses(way / took) for way in ways]
+    told = f"{max(held)} poses in a row have one position, or one orientation, and the next one jumps: a frozen stream?"
+    yield check("held_poses", max(held), told if max(held) else "", given=given)
     share = max(standing)
     yield check(
         "standing_share",

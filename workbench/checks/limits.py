@@ -40,6 +40,11 @@ LIMITS: dict[str, Limit] = {
         "share of the frames of a pass during which the recorded pose stands still",
         "a robot that waits does so for less of a scan; a pose stream that hangs looks like this",
     ),
+    "held_poses": Limit(
+        8.0,
+        "count of poses in a row with one position, or one orientation, to the last digit before a jump to the next",
+        "a robot that waits goes on without a jump; a pose stream that hangs makes up for it at once",
+    ),
     "position_jump_mm": Limit(
         0.5,
         "single jump of a recorded position, against the motion before and after it",

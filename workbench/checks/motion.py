@@ -256,6 +256,23 @@ def jump_mm(time_s: Float, position_mm: Float, pass_index: Int) -> float:
     return found
 
 
+def held_poses(rate: Float) -> int:
+    """How many rates of poses (n,) in a row are 0 until the next one is a jump, which makes up for them; 0: none does.
+
+    A robot that waits begins to move as it goes on; poses that come in steps make as large ones everywhere.
+
+    Example:
+        >>> time = np.linspace(0.0, 1.0, 400)
+        >>> waits, stepped = time - np.clip(time, 0.4, 0.6), np.floor(40.0 * time)
+        >>> hangs = np.where((time > 0.4) & (time < 0.6), 0.4, time)
+        >>> [held_poses(np.abs(np.diff(way))) for way in (waits, stepped, hangs)]
+        [0, 0, 79]
+    """
+    moving = np.flatnonzero(rate > 0.0)
+    jumps = rate[moving] > SINGLE * np.quantile(np.append(rate[moving], 0.0), 0.9)
+    return int((np.diff(moving, prepend=-1) - 1)[jumps].max(initial=0))
+
+
 def _stray_mm(time: Float, place: Float) -> float:
     """By how much places (k, 3) at times (k,) stray from even motion from the first to the last."""
     share = (time - time[0]) / max(float(time[-1] - time[0]), 1e-9)

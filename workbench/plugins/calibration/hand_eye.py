@@ -41,25 +41,23 @@ from workbench.plugins.calibration.model import (
     to_base,
     volume_u,
 )
-from workbench.plugins.calibration.observations import Observations, Timed, by_pass
-from workbench.plugins.calibration.shared_errors import Settled, correlated
+from workbench.plugins.calibration.observations import Observations, Timed
+from workbench.plugins.calibration.shared_errors import Settled, correlated, settled
 from workbench.plugins.calibration.solve import Answer, check_determined, solve
 from workbench.plugins.calibration.suspicions import turned
 from workbench.plugins.calibration.values import Calibration, Method, SphereProfiles
 from workbench.plugins.calibration.verdicts import (
-    NEAR,
-    Scales,
     Sensor,
     hand_eye_file,
+    observed,
     rejections,
     rescaled,
-    scales_of,
     serves,
     view_of,
     warnings,
 )
 
-ROUNDS = 8  # of scales: each frees one, or comes nearer
+ROUNDS, SMALL = 4, 0.003  # of circles by the sensor's scales; change of these in which circles move evenly
 SAME_SPHERE = 0.02  # share of its diameter by which a certificate may differ from what a recording states
 NEAR_EQUATOR_MM = 0.3  # a smaller h is taken for that when its uncertainty is asked
 
@@ -128,20 +126,18 @@ def hand_eye(
         profiles, sphere_radius_u_mm, unused = _certified(profiles, sphere_certificate)
     noise = Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2, sphere_radius_u_mm)
     where = f"{recording.source}: /robot"
-    sized = _with_scales(profiles, recording, noise, where, max_u_mm, sensor_scale_u)
-    answer, view, systematic_mm = sized.answer, sized.view, None
-    found = answer.found
+    answer, view, sensor = _solved(profiles, recording, noise, where, max_u_mm)
+    x_u, z_u = answer.sphere.noise.scale_u
+    wide = dataclasses.replace(answer.sphere.noise, scale_u=(max(x_u, sensor_scale_u), max(z_u, sensor_scale_u)))
+    found, systematic_mm = _with_scales(answer, wide), None
     if robot_error == "correlated" and answer.seen.here.scans:
         raise InputError(where, "robot_error 'correlated' is for postures held still, found scans over the sphere")
     if robot_error == "correlated":
-        found, systematic_mm = correlated(found, answer.seen, noise)
+        found, systematic_mm = correlated(found, answer.seen, wide)
     if method != "bundle":
         found = _by_method(method, answer, recording.flange_from_profiler, seed, where)
-    by_scale = sized.scales.by_scale @ sized.scales.covariance @ sized.scales.by_scale.T
-    size = len(found.covariance)
-    found = dataclasses.replace(found, covariance=found.covariance + by_scale[:size, :size])
-    sized = dataclasses.replace(sized, answer=dataclasses.replace(answer, found=found))
-    check_determined(sized.answer, Demand(view, max_u_mm, where))
+    answer = dataclasses.replace(answer, found=found)
+    check_determined(answer, Demand(view, max_u_mm, where))
     verdict = serves(
         found.covariance[:6, :6],
         found.estimate.rotation,
@@ -150,7 +146,7 @@ def hand_eye(
         (root_tolerance_mm, bevel_tolerance_deg),
         ("the hand-eye pose", "add postures, first those of calibration_plan.csv"),
     )
-    calibration = _calibration(method, sized, profiles, recording, noise, systematic_mm, verdict)
+    calibration = _calibration(method, (answer, view, sensor), profiles, recording, noise, systematic_mm, verdict)
     far = turned(found.estimate.rotation, recording.flange_from_profiler)
     calibration = dataclasses.replace(calibration, warnings=(*calibration.warnings, *far, *unused))
     return calibration.hand_eye, calibration, hand_eye_document(calibration)
@@ -166,34 +162,31 @@ def _certified(profiles: SphereProfiles, certificate: Path) -> tuple[SphereProfi
     return dataclasses.replace(profiles, sphere_diameter_mm=found.value_mm), found.u_mm / 2.0, found.left_out
 
 
-@dataclasses.dataclass(frozen=True)
-class Sized:
-    """The answer by circles from which the errors of the profiler's scales are taken out, and these."""
+def _with_scales(answer: Answer, noise: Noise) -> Settled:
+    """What was found, with what the scales that are held may be off in its covariance.
 
-    answer: Answer
-    view: View
-    scales: Scales
-    sensor: Sensor  # taken out
+    They stay as stated, and scans that are read by them as they are: the pose makes up for what they are off.
+    """
+    found, sphere = answer.found, answer.sphere.noisy(noise)
+    fitted = estimator.fit(sphere, found.estimate, found.used)
+    return dataclasses.replace(found, covariance=settled(fitted, sphere).covariance)
 
 
-def _with_scales(
-    profiles: SphereProfiles, recording: Recording, noise: Noise, where: str, limit_mm: float, stated_u: float
-) -> Sized:
-    """Solve; where the residuals contradict the profiler's x or z, free its scale, and solve without its error."""
-    free, sensor = (False, False), Sensor(np.zeros(2), np.array(view_of(profiles, recording).middle_mm))
+def _solved(
+    profiles: SphereProfiles, recording: Recording, noise: Noise, where: str, limit_mm: float
+) -> tuple[Answer, View, Sensor]:
+    """The answer, by circles found anew where the sensor's errors, which it has, are no longer small; and the view."""
+    sensor = Sensor(np.zeros(2), np.array(view_of(profiles, recording).middle_mm))
     for _ in range(ROUNDS):
-        here, begin = rescaled(profiles, recording, sensor), recording.flange_from_profiler
-        view = view_of(here, recording, sensor)
-        answer = solve(by_pass(here, recording), noise, begin, where=where, limit_mm=limit_mm, view=view, judged=False)
-        scales = scales_of(answer, profiles, recording, sensor, free, stated_u)
-        worst = scales.contradicted
-        if worst is not None:
-            free = (free[0] or worst == 0, free[1] or worst == 1)
-            scales = scales_of(answer, profiles, recording, sensor, free, stated_u)
-        elif not any(free) or (np.abs(scales.error - sensor.error)[list(free)] < NEAR * scales.u[list(free)]).all():
+        seen = observed(profiles, recording, sensor)
+        view = view_of(rescaled(profiles, recording, sensor), recording, sensor)
+        design = recording.flange_from_profiler
+        answer = solve(seen, noise, design, where=where, limit_mm=limit_mm, view=view, judged=False)
+        free, before = [1 + k in answer.free for k in (0, 1)], sensor.error
+        sensor = dataclasses.replace(sensor, error=np.where(free, answer.found.estimate.scale, 0.0))
+        if np.abs(sensor.error - before).max() < SMALL:
             break
-        sensor = dataclasses.replace(sensor, error=np.where(free, scales.error, 0.0))
-    return Sized(answer, view, scales, sensor)
+    return answer, view, sensor
 
 
 def _by_method(method: Method, answer: Answer, design: Float | None, seed: int, where: str) -> Settled:
@@ -229,15 +222,16 @@ def _centre_covariance(linear: Linear) -> Float:
 
 def _calibration(
     method: Method,
-    sized: Sized,
+    solved: tuple[Answer, View, Sensor],
     profiles: SphereProfiles,
     recording: Recording,
     stated: Noise,
     systematic_mm: float | None,
     verdict: tuple[bool, str],
 ) -> Calibration:
-    answer, view, result = sized.answer, sized.view, sized.answer.found
-    estimate, seen, noise = result.estimate, answer.seen, result.noise
+    answer, view, sensor = solved
+    result, seen = answer.found, answer.seen
+    estimate, noise, scale_u = result.estimate, result.noise, np.sqrt(np.diag(result.covariance))[SIZE : SIZE + 2]
     with_offset = isinstance(answer.sphere.flange, Timed)
     linear = linearise(estimate, seen, noise)
     covariance = result.covariance[:6, :6]
@@ -246,8 +240,8 @@ def _calibration(
     if (design := recording.flange_from_profiler) is not None:
         before = dataclasses.replace(estimate, rotation=design[:3, :3], translation_mm=design[:3, 3])
     used = [frame for frames, good in zip(seen.frames, result.used, strict=True) for frame in frames if good]
-    off = estimator.distance(Sphere(seen, noise).rows(estimate), result.used, result.covariance[:SIZE, :SIZE])
-    offset_u = float(np.sqrt(result.covariance[SIZE, SIZE])) if with_offset else None
+    off = estimator.distance(Sphere(seen, noise).rows(estimate), result.used, result.covariance[: SIZE + 2, : SIZE + 2])
+    offset_u = float(np.sqrt(result.covariance[-1, -1])) if with_offset else None
     volume = volume_u(covariance, estimate.rotation, view)
     return Calibration(
         part=recording.part,
@@ -258,10 +252,10 @@ def _calibration(
             recording.source,
             recording.part.recorded_at,
             volume,
-            (1.0 + float(sized.sensor.error[0]), 1.0 + float(sized.sensor.error[1])),
-            (float(sized.sensor.middle_mm[0]), float(sized.sensor.middle_mm[1])),
+            (1.0 + float(sensor.error[0]), 1.0 + float(sensor.error[1])),
+            (float(sensor.middle_mm[0]), float(sensor.middle_mm[1])),
         ),
-        sensor_scale_u=(float(sized.scales.u[0]), float(sized.scales.u[1])),
+        sensor_scale_u=(float(scale_u[0]), float(scale_u[1])),
         sphere_center_mm=estimate.center_mm,
         sphere_radius_mm=estimate.radius_mm,
         covariance=frozen(covariance),
@@ -278,14 +272,14 @@ def _calibration(
         residual=linear.residual,
         distance=off,
         used=result.used,
-        residual_rms_mm=_point_rms(profiles, sized.sensor.true(recording), estimate, linear, seen, result.used),
+        residual_rms_mm=_point_rms(profiles, sensor.true(recording), estimate, linear, seen, result.used),
         misfit=answer.stated.chi2 / max(answer.stated.freedom, 1),
         systematic_mm=systematic_mm,
         frames_used=tuple(sorted(used)),
         frames_rejected=rejections(profiles, result.used, seen, linear, off),
         good_enough=verdict[0],
         verdict=verdict[1],
-        warnings=warnings(answer, sized.scales, profiles, stated, systematic_mm, method),
+        warnings=warnings(answer, scale_u, profiles, stated, systematic_mm, method),
     )
 
 

@@ -9,7 +9,7 @@ uncertain c_y, of variance V, lowers the expected w by V.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,26 +19,41 @@ from workbench.plugins.calibration.observations import Flange, Observations, Tim
 LEAST_MM = (16.0, 20.0)  # half sides of a field of view: the paper's sensor; a sphere alone may show less of one
 OUTERMOST = 0.005  # share of a recording's points, on each side, that may be stray
 MOST_TURN = 0.5  # rad, of a step
-SIZE = 10  # unknowns: t, w (R_true = exp(w) R), C, R_s; the clock offset is the eleventh
+SIZE = 10  # unknowns: t, w (R_true = exp(w) R), C, R_s; then the scales of the profiler, then its clock's offset
 ROUNDS = 5  # of weights, where places are sought
 BLIND, BLIND_STEPS = 1.0, 8  # variance of w where it must tell nothing, over that of any w
 CLEAR = 0.2  # shift along y, in radii, to another start
 POSE = 6  # of these, the first, are the hand-eye pose's
+FREE = 0.1  # standard uncertainty, a share, of a radius or scale that the data contradict
+HELD = 1e-6  # of a scale that is not estimated
 
 
 @dataclass(frozen=True)
 class Noise:
-    """What is known before: the robot's repeatability and the sphere's radius."""
+    """What is known before: the robot's repeatability, the sphere's radius, the scales of the profiler."""
 
     pose_mm: float = 0.07  # standard deviation of a flange position, each axis
     pose_deg: float = 0.01  # of its orientation, each axis
     radius_mm: float = 5.0
     radius_u_mm: float = 0.05
     common: float = 0.0  # share of the poses' variance that all frames of a scan have in common
+    scale_u: tuple[float, float] = (HELD, HELD)  # of the profiler's x and z, as shares
 
     def times(self, factor: float) -> Noise:
         """The robot's larger by a factor."""
         return replace(self, pose_mm=factor * self.pose_mm, pose_deg=factor * self.pose_deg)
+
+    @property
+    def prior_u(self) -> Float:
+        """Standard uncertainties (3,) of the radius, mm, and of the scales of x and z."""
+        return np.array([self.radius_u_mm, *self.scale_u])
+
+    def freed(self, which: int) -> Noise:
+        """With one of `prior_u` so large that the data alone tell it."""
+        if which == 0:
+            return replace(self, radius_u_mm=max(self.radius_u_mm, FREE * self.radius_mm))
+        x, z = self.scale_u
+        return replace(self, scale_u=(FREE, z) if which == 1 else (x, FREE))
 
     @property
     def spread(self) -> Float:
@@ -55,16 +70,19 @@ class Estimate:
     center_mm: Shaped[Float, " 3"]  # of the sphere, in the base
     radius_mm: float
     offset_s: float = 0.0
+    scale: Shaped[Float, " s"] = field(default_factory=lambda: np.zeros(0))  # errors of x and z; none: certain
 
     def moved(self, step: Float) -> Estimate:
-        """After a step (10,) or (11,) in the unknowns."""
+        """After a step (10 + s,) in the unknowns, or (11 + s,) with the offset."""
+        last = SIZE + len(self.scale)
         return replace(
             self,
             translation_mm=self.translation_mm + step[:3],
             rotation=rotation_from_vector(step[3:6]) @ self.rotation,
             center_mm=self.center_mm + step[6:9],
             radius_mm=self.radius_mm + float(step[9]),
-            offset_s=self.offset_s + (float(step[10]) if len(step) > SIZE else 0.0),
+            offset_s=self.offset_s + (float(step[last]) if len(step) > last else 0.0),
+            scale=self.scale + step[SIZE:last],
         )
 
 
@@ -111,18 +129,19 @@ def linearise(estimate: Estimate, seen: Observations, noise: Noise, with_offset:
     jacobian = to_circle @ np.concatenate(columns, axis=-1)
     by_radius = np.zeros((len(centre), 3, 1))
     by_radius[:, 2] = 2 * estimate.radius_mm
-    jacobian = np.concatenate([jacobian[..., :9], by_radius, jacobian[..., 9:]], axis=-1)
+    jacobian = np.concatenate([jacobian[..., :9], by_radius, -seen.by_scale, jacobian[..., 9:]], axis=-1)
     spread = to_circle @ scatter
     covariance = seen.covariance + spread @ np.swapaxes(spread, -1, -2)
     bent = np.sqrt(2) * y_variance
     covariance[:, 2, 2] += bent**2
-    return Linear(centre, seen.circle - predicted, jacobian, covariance, to_circle @ by_pose, bent)
+    return Linear(centre, seen.circle_at(estimate.scale) - predicted, jacobian, covariance, to_circle @ by_pose, bent)
 
 
 def signed_centres(estimate: Estimate, linear: Linear, seen: Observations) -> Float:
     """Sphere centres (k, 3) in the profiler frame: measured x_c, z_c and |h|, which side by the answer."""
-    h = np.sqrt(np.maximum(estimate.radius_mm**2 - seen.circle[:, 2], 0.0))
-    return np.stack([seen.circle[:, 0], np.copysign(h, linear.centre[:, 1]), seen.circle[:, 1]], axis=1)
+    x, z, w = seen.circle_at(estimate.scale).T
+    h = np.sqrt(np.maximum(estimate.radius_mm**2 - w, 0.0))
+    return np.stack([x, np.copysign(h, linear.centre[:, 1]), z], axis=1)
 
 
 def by_circle(y_mm: Float) -> Float:
@@ -152,11 +171,12 @@ def shared_of(linear: Linear, flange: Flange, noise: Noise) -> tuple[estimator.S
     return tuple(sharing(scan, alone, own, whole) for scan in flange.scans)
 
 
-def rows_of(linear: Linear, seen: Observations, noise: Noise, radius_mm: float) -> estimator.Rows:
-    """Circles as the estimator sees them at an estimate of this radius, which has the stated one for a prior."""
-    size = linear.jacobian.shape[2]
+def rows_of(linear: Linear, seen: Observations, noise: Noise, at: Estimate) -> estimator.Rows:
+    """Circles as the estimator sees them at an estimate, whose radius and scales have the stated ones for a prior."""
+    size, known = linear.jacobian.shape[2], np.arange(SIZE - 1, SIZE + len(at.scale))
     prior, away = np.zeros((size, size)), np.zeros(size)
-    prior[SIZE - 1, SIZE - 1], away[SIZE - 1] = noise.radius_u_mm**-2, noise.radius_mm - radius_mm
+    prior[known, known] = noise.prior_u[: len(known)] ** -2.0
+    away[known] = [noise.radius_mm - at.radius_mm, *-at.scale]
     flange = seen.here
     shared = shared_of(linear, flange, noise)
     covariance = linear.covariance.copy()
@@ -188,7 +208,7 @@ class Sphere:
         """With a clock's offset the frames go to the poses of other times."""
         here = self.seen.place(at.offset_s)
         linear = linearise(at, here, self.noise, isinstance(self.flange, Timed))
-        rows = rows_of(linear, here, self.noise, at.radius_mm)
+        rows = rows_of(linear, here, self.noise, at)
         if self.known is not None:
             before, rows.prior[:6, :6] = self.known
             rows.away[:3] = before.translation_mm - at.translation_mm
@@ -224,7 +244,7 @@ class Sphere:
         for offset_s in offsets_s.tolist():
             seen = self.seen.place(offset_s)
             for R, center, t, off in zip(rotations, *_places(rotations, seen), strict=True):
-                rough.append((float(off), Estimate(R, t, center, radius_mm, offset_s), seen))
+                rough.append((float(off), Estimate(R, t, center, radius_mm, offset_s, seen.scale), seen))
         begun = []
         for _, start, seen in sorted(rough, key=lambda one: one[0])[:most]:
             blind = seen.covariance.copy()
@@ -236,7 +256,7 @@ class Sphere:
 
     def _off(self, at: Estimate, seen: Observations) -> float:
         """How far off three quarters of the observations lie."""
-        rows = rows_of(linearise(at, seen, self.noise), seen, self.noise, at.radius_mm)
+        rows = rows_of(linearise(at, seen, self.noise), seen, self.noise, at)
         used = np.ones(len(seen), bool)
         return estimator.usual(estimator.distance(rows, used, np.zeros_like(rows.prior)), used)
 

@@ -185,12 +185,18 @@ class Observations:
 
     circle: Shaped[Float, "k 3"]  # x_c, z_c mm, w mm^2; repeats averaged
     covariance: Shaped[Float, "k 3 3"]
+    by_scale: Shaped[Float, "k 3 s"]  # change with the errors of the profiler's x and z that are taken out; s = 0: none
+    scale: Shaped[Float, " s"]  # errors that are taken out
     flange: Flange | Timed
     frames: tuple[tuple[int, ...], ...]  # (k) of the recording
     rejected: tuple[Rejected, ...] = ()  # repeats that contradict the others
 
     def __len__(self) -> int:
         return len(self.circle)
+
+    def circle_at(self, scale: Float) -> Float:
+        """The circles (k, 3) with other errors (s,) taken out."""
+        return np.asarray(self.circle + self.by_scale @ (scale - self.scale))
 
     @property
     def here(self) -> Flange:
@@ -204,14 +210,17 @@ class Observations:
     def subset(self, keep: Bool) -> Observations:
         """Those marked in `keep` (k,)."""
         frames = tuple(f for f, kept in zip(self.frames, keep, strict=True) if kept)
-        return Observations(self.circle[keep], self.covariance[keep], self.flange.subset(keep), frames, self.rejected)
+        parts = {name: getattr(self, name)[keep] for name in ("circle", "covariance", "by_scale")}
+        return replace(self, flange=self.flange.subset(keep), frames=frames, **parts)
 
 
 def from_arrays(circle: Float, covariance: Float, base_from_flange: Float) -> Observations:
     """Observations of postures held still, each with a pose error of its own: (k, 3), (k, 3, 3), (k, 4, 4)."""
     k = len(circle)
     at_rest = Flange(base_from_flange, np.zeros((k, 6)), np.ones(k), np.arange(k), ())
-    return Observations(circle, covariance, at_rest, tuple((i,) for i in range(k)))
+    return Observations(
+        circle, covariance, circle[..., None][..., :0], np.zeros(0), at_rest, tuple((i,) for i in range(k))
+    )
 
 
 def flange_of(recording: Recording, time_s: Float, number: Int, own_clock: bool) -> Flange | Timed:
@@ -250,7 +259,7 @@ def by_pass(profiles: SphereProfiles, recording: Recording) -> Observations:
     time = np.array([recording.time_s[list(one)].mean() for one in frames])
     passes = recording.pass_index[[one[0] for one in frames]]
     flange = flange_of(recording, time, passes, recording.clock == "own")
-    return Observations(circle, covariance, flange, frames, tuple(rejected))
+    return Observations(circle, covariance, circle[..., None][..., :0], np.zeros(0), flange, frames, tuple(rejected))
 
 
 def sharing(scan: estimator.Shared, alone: Float, own: Float, whole: Float) -> estimator.Shared:

@@ -87,7 +87,7 @@ class Posed:
         poses = self.seen.here.base_from_flange @ self.back @ flange
         moved = dataclasses.replace(self.seen, flange=dataclasses.replace(self.seen.here, base_from_flange=poses))
         linear = linearise(at.estimate, moved, self.noise)
-        ball = rows_of(linear, moved, self.noise, at.estimate.radius_mm)
+        ball = rows_of(linear, moved, self.noise, at.estimate)
         return dataclasses.replace(
             ball,
             jacobian=np.concatenate([ball.jacobian, linear.by_pose @ by_errors], axis=2),

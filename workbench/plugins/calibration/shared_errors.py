@@ -134,7 +134,7 @@ class _Scans:
     def by(self, whole: float, own: float) -> estimator.Normal:
         noise = self.noise(whole, own)
         linear = linearise(self.estimate, self.here, noise, self.with_offset)
-        return rows_of(linear, self.here, noise, self.estimate.radius_mm).normal()
+        return rows_of(linear, self.here, noise, self.estimate).normal()
 
     def told(self, own: float) -> float:
         """Logarithm of how likely an error of the poses' own is, whatever the whole scan's."""
@@ -184,7 +184,7 @@ def _over_postures(estimate: Estimate, here: Observations, noise: Noise, kernel:
     whole = np.einsum("kij,kb->kibj", linear.by_pose[..., :3], ways * np.sqrt(size)).reshape(count, 3, -1)
     alone = linear.covariance - own @ np.swapaxes(own, 1, 2)
     shared = estimator.Shared(np.arange(count), alone, own, np.arange(count), np.zeros(count), count, whole)
-    return replace(rows_of(linear, here, noise, estimate.radius_mm), shared=(shared,)).normal()
+    return replace(rows_of(linear, here, noise, estimate), shared=(shared,)).normal()
 
 
 def _prior_of_amplitude(amplitude: Float, seen_mm: float) -> Float:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
+
+import numpy as np
+import scipy
 
 from workbench.api import Float, estimator
 from workbench.plugins.calibration.determinacy import Demand, check_postures
-from workbench.plugins.calibration.model import SIZE, Estimate, Noise, Sphere, View, view_of
+from workbench.plugins.calibration.model import Estimate, Noise, Sphere, View, view_of
 from workbench.plugins.calibration.observations import Observations
 from workbench.plugins.calibration.search import located, undetermined
 from workbench.plugins.calibration.shared_errors import Settled, settled
 
-CONTRADICTED = 9.0  # chi-square of the data against the stated radius: 3 standard deviations
-FREE_RADIUS = 0.05  # uncertainty of a sphere's radius that the data contradict, over the radius
+SURE = 2e-3  # probability, two-sided, below which a stated radius or scale is contradicted: freeing one costs little
 NOTED = 1.5  # over the stated noise: then it is the noise, not the postures, that a refusal speaks of
 NO_SUCH = "expected poses of the flange in the base, one sphere that does not move, and a right-handed profiler frame"
 OTHER_SIDE = (
@@ -27,10 +28,10 @@ class Answer:
     """The hand-eye pose as found, and the observations that it rests on."""
 
     found: Settled
-    sphere: Sphere  # with the noise as stated, but for a radius that the data contradict
+    sphere: Sphere  # with the noise as stated, but for what the data contradict
     stated: estimator.Fit[Estimate]  # of it: its chi-square tells a misfit
     alone: bool  # False: the design had to exclude a rival
-    radius_free: bool = False  # the data contradict the sphere's stated radius
+    free: tuple[int, ...] = ()  # what the data contradict: 0 the sphere's radius, 1 and 2 the profiler's x and z
 
     @property
     def seen(self) -> Observations:
@@ -52,7 +53,7 @@ def solve(
 
     Args:
         seen: circles with covariances and the flange's poses; scans tell the offset of a clock of their own.
-        noise: the robot's repeatability and what is known of the sphere's radius.
+        noise: the robot's repeatability, and what is known of the sphere's radius and the profiler's scales.
         design: flange_from_profiler (4, 4) to begin with, off by up to 20 deg and 50 mm; None: unknown.
         where: the recording, for messages.
         limit_mm: largest predicted uncertainty of a point, RMS over the field of view, that is accepted.
@@ -65,7 +66,7 @@ def solve(
     check_postures(seen.here, where, "sphere")
     sphere, demand = Sphere(seen, noise), Demand(view or view_of(seen.circle), limit_mm, where)
     best, alone = located(sphere, design, demand, NO_SUCH, OTHER_SIDE)
-    answer = _with_free_radius(Answer(settled(best, sphere), sphere, best, alone))
+    answer = _freed(Answer(settled(best, sphere), sphere, best, alone))
     if judged:
         check_determined(answer, demand)
     return answer
@@ -83,14 +84,21 @@ def check_determined(answer: Answer, demand: Demand) -> None:
     demand.refuse(undetermined(used, found.estimate, found.covariance, demand, why=why))
 
 
-def _with_free_radius(answer: Answer) -> Answer:
-    """The answer with the sphere's radius free where the data contradict the stated one, else as it is."""
-    sphere, found = answer.sphere, answer.found
-    noise, size = found.noise, SIZE - 1
-    off2, told2 = (found.estimate.radius_mm - noise.radius_mm) ** 2, noise.radius_u_mm**2 - found.covariance[size, size]
-    u_mm = FREE_RADIUS * noise.radius_mm
-    if u_mm <= noise.radius_u_mm or len(sphere.seen) < 6 or off2 <= CONTRADICTED * told2:
+def _freed(answer: Answer) -> Answer:
+    """The answer with those of radius and scales free that the data contradict, the most contradicted first.
+
+    By the ratio of likelihoods, residuals as large as they are with it free: misfit that it explains is no noise.
+    """
+    found, known = answer.found, answer.sphere.noisy(answer.found.noise)
+    held = estimator.fit(known, found.estimate, found.used)
+    every = range(1 + len(found.estimate.scale))
+    tried = [estimator.fit(known.noisy(found.noise.freed(k)), found.estimate, found.used) for k in every]
+    which, freedom = min(every, key=lambda k: tried[k].chi2), held.freedom - 1
+    if freedom < estimator.LEAST_FREEDOM:
         return answer
-    sphere = sphere.noisy(dataclasses.replace(sphere.noise, radius_u_mm=u_mm))
-    stated = estimator.sound(sphere, found.estimate)
-    return Answer(settled(stated, sphere), sphere, stated, answer.alone, True)
+    left = min(max(tried[which].chi2 / freedom, 1e-9), 1.0)
+    if 2.0 * scipy.special.stdtr(freedom, -np.sqrt(max(held.chi2 - tried[which].chi2, 0.0) / left)) > SURE:
+        return answer
+    sphere = answer.sphere.noisy(answer.sphere.noise.freed(which))
+    stated = estimator.sound(sphere, tried[which].at)
+    return _freed(Answer(settled(stated, sphere), sphere, stated, answer.alone, (*answer.free, which)))

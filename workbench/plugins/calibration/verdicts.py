@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-import scipy
 
 from workbench.api import (
     DEG,
@@ -19,51 +18,18 @@ from workbench.api import (
     HandEyeFile,
     Part,
     Recording,
-    Shaped,
-    estimator,
     pieces,
     rpy_from_rotation,
 )
 from workbench.plugins.calibration.circles import fit_arc
 from workbench.plugins.calibration.model import Linear, Noise, View, place_u, view_of_points
-from workbench.plugins.calibration.observations import Observations
+from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.solve import Answer
 from workbench.plugins.calibration.tables import enough
 from workbench.plugins.calibration.values import Method, Rejected, SphereProfiles
 
-# The profiler's own scales: x and z may count a millimetre as a little more or less than it is.
-#
-# A scaled sphere is no sphere: its circle's centre moves with its place in the view, its arc bends otherwise. Both
-# errors are unknowns beside the pose, held to what is stated of the sensor, and free where the data contradict it.
-
 AXES = ("x", "z")
-SURE = 2e-3  # probability, two-sided, below which a stated scale is contradicted: freeing one costs little
 STEP = 1e-3  # relative, for differences
-FREE = 0.1  # standard deviation of a scale that the data contradict
-NEAR = 0.05  # of its u, by which a scale may still move
-
-
-@dataclass(frozen=True)
-class Scales:
-    """Relative errors of the profiler's x and z, measured = (1 + error) true."""
-
-    error: Shaped[Float, " 2"]
-    covariance: Shaped[Float, "2 2"]
-    by_scale: Shaped[Float, "P 2"]  # change of the fit's unknowns where an error is larger
-    free: tuple[bool, bool]
-    chance: Shaped[Float, " 2"]  # of an error by itself over its u that large, by residuals as large as they are
-
-    @property
-    def u(self) -> Float:
-        """Standard uncertainties (2,)."""
-        return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def contradicted(self) -> int | None:
-        """The axis whose stated scale the data contradict most."""
-        chance = np.where(self.free, 1.0, self.chance)
-        worst = int(np.argmin(chance))
-        return worst if chance[worst] < SURE else None
 
 
 @dataclass(frozen=True)
@@ -124,38 +90,16 @@ def _fit(x: Float, z: Float, start: Float, profiles: SphereProfiles) -> tuple[Fl
     return fit_arc(x, z.astype(float), start, float(profiles.sense), profiles.noise_mm)
 
 
-def scales_of(
-    answer: Answer, profiles: SphereProfiles, recording: Recording, sensor: Sensor, free: tuple[bool, bool], u: float
-) -> Scales:
-    """Both errors as the residuals of an answer tell them, from whose circles those of `sensor` are taken out.
+def observed(profiles: SphereProfiles, recording: Recording, sensor: Sensor) -> Observations:
+    """Circles from which a sensor's errors are taken out, joined with the poses; and what these errors change.
 
-    `profiles`: as recorded; `u`: what is stated of both.
+    A scaled sphere is no sphere: its circle's centre moves with its place in the view, its arc bends otherwise.
     """
-    found = estimator.fit(answer.sphere.noisy(answer.found.noise), answer.found.estimate, answer.found.used, 0)
-    here = rescaled(profiles, recording, sensor)
-    change = _by_scale(answer.seen.frames, here, [rescaled(profiles, recording, sensor.more(k)) for k in range(2)])
-    more, spread = found.tested(-change)
-    power, prior = np.linalg.inv(spread), np.where(free, FREE, u) ** -2.0
-    covariance = np.linalg.inv(power + np.diag(prior))
-    error = sensor.error + covariance @ (power @ more - prior * sensor.error)
-    alone = [found.tested(-change[..., k : k + 1]) for k in range(2)]
-    gain, freedom = np.array([one[0] ** 2 / square[0, 0] for one, square in alone]), max(found.freedom - 1, 1)
-    less = np.clip((found.chi2 - gain) / freedom, 1e-9, 1.0)  # residuals that a scale explains count as they are then
-    chance = 2.0 * scipy.special.stdtr(freedom, -np.sqrt(gain / less))
-    if found.freedom < estimator.LEAST_FREEDOM:
-        chance[:] = 1.0
-    return Scales(error, covariance, found.carried(change), free, chance)
-
-
-def _by_scale(frames: tuple[tuple[int, ...], ...], here: SphereProfiles, more: list[SphereProfiles]) -> Float:
-    """Derivatives (k, 3, 2) of circles by both errors taken out, repeats of a posture averaged as they are."""
-    change = np.stack([(one.circle - here.circle) / STEP for one in more], axis=-1)
-    information = np.linalg.inv(here.covariance)
-    row = {int(frame): k for k, frame in enumerate(here.frame)}
-    members = [[row[frame] for frame in each] for each in frames]
-    return np.stack(
-        [np.linalg.solve(information[m].sum(axis=0), (information[m] @ change[m]).sum(axis=0)) for m in members]
+    here, *more = (
+        by_pass(rescaled(profiles, recording, one), recording) for one in (sensor, sensor.more(0), sensor.more(1))
     )
+    change = np.stack([(one.circle - here.circle) / STEP for one in more], axis=2)
+    return replace(here, by_scale=change, scale=sensor.error)
 
 
 def serves(
@@ -244,7 +188,7 @@ def rejections(
 
 def warnings(
     answer: Answer,
-    scales: Scales,
+    scale_u: Float,
     profiles: SphereProfiles,
     stated: Noise,
     systematic_mm: float | None,
@@ -259,8 +203,8 @@ def warnings(
         said.append(f"{len(gross)} of {len(found.used)} postures rejected as gross (frames {which})")
     if found.misfit:
         said.append(_misfit(answer, stated, systematic_mm))
-    for axis, free, error, u in zip(AXES, scales.free, scales.error, scales.u, strict=True):
-        if free:
+    for k, (axis, error, u) in enumerate(zip(AXES, found.estimate.scale, scale_u, strict=True), 1):
+        if k in answer.free:
             size = f"{abs(100 * error):.1f} ± {100 * u:.1f} % too {'long' if error > 0 else 'short'}"
             said.append(
                 f"the profiler's {axis} is {size}: taken out here, and of scans that use this calibration; check the "
@@ -271,7 +215,7 @@ def warnings(
             f"only {count} postures: {answer.stated.freedom} more measured values than unknowns, so a wrong pose "
             "or profile may pass unnoticed; take nine or more"
         )
-    if answer.radius_free:
+    if 0 in answer.free:
         diameter_mm, stated_mm = 2 * found.estimate.radius_mm, profiles.sphere_diameter_mm
         said.append(f"the sphere's diameter is {diameter_mm:.3f} mm by the data, stated {stated_mm:.3f} mm: set free")
     if not answer.alone:

@@ -58,7 +58,7 @@ def _required(nominal: Mapping[str, Any], terms: Mapping[str, Any]) -> dict[str,
         two = isinstance(pair, list | tuple) and len(pair) == 2 and all(map(_number, pair))
         if pair is None or not two or not -MOST_OFF <= pair[0] <= 0 <= pair[1] <= MOST_OFF:
             raise ValueError(
-                f"{key}: expected [lower, upper], deviations with lower <= 0 <= upper, at most {MOST_OFF:g}"
+                f"{key}: expected deviations of at most {MOST_OFF:g}, [lower, upper] with lower <= 0 <= upper"
             )
         found[size] = (float(nominal[size]), (float(pair[0]), float(pair[1])))
     return found

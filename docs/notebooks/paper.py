@@ -33,21 +33,37 @@ def run(name, **inputs):
 # is another one, but the order of the two methods stays.
 
 # %%
-from bench.calibration.paper import analytic, genetic, measured, sphere_centres
+from workbench.api import pose_from, rotation_from_rpy, rotation_from_vector
+from workbench.plugins.calibration import methods
 
-sets = measured(np.random.default_rng(3), moved=False)
-ways = {
-    "analytic": analytic(sets.centres),
-    "genetic": genetic(sets.centres, sets.design, 5.0, np.random.default_rng(3)),
-}
+TRUE = pose_from(rotation_from_rpy(*np.radians([60.489, -3.813, -2.024])), np.array([126.92, 9.44, 41.48]))
+
+
+def measured(rng, places):
+    """Three orientations, nine measurements of the sphere's centre: three places thrice each, or nine."""
+    turns = rotation_from_vector(np.radians(rng.uniform(-25, 25, (3, 3))))
+    r = np.repeat(rotation_from_rpy(*np.radians([20, 65, 10])) @ turns, 3, axis=0)
+    P = np.repeat(rng.uniform([-10, 1.5, -15], [10, 4.25, 15], (places, 3)), 9 // places, axis=0)
+    t = np.array([1890.33, 241.48, 1079.72]) - np.einsum("kij,kj->ki", r, P @ TRUE[:3, :3].T + TRUE[:3, 3])
+    said = r @ rotation_from_vector(np.radians(rng.normal(0, 0.01, (9, 3))))
+    return methods.Centres(P + rng.normal(0, [0.005, 0.01, 0.005], (9, 3)), said, t + rng.normal(0, 0.07, (9, 3)))
+
+
+def spread(pose, seen):
+    """Standard deviation of the sphere's centres in the base."""
+    return (np.einsum("kij,kj->ki", seen.r, seen.P @ pose[:3, :3].T + pose[:3, 3]) + seen.t).std(axis=0)
+
+
+seen = measured(np.random.default_rng(3), places=3)
+design = pose_from(TRUE[:3, :3] @ rotation_from_vector(np.radians([1.0, 0, 0])), TRUE[:3, 3] + [0, 3, 0])
+ways = {"analytic": methods.analytic(seen), "genetic": methods.genetic(design, seen, seed=3)}
 rows_table(
     [
         {"method": "paper, analytic", "x_mm": 0.6793, "y_mm": 3.3567, "z_mm": 0.8215},
         {"method": "paper, GA", "x_mm": 0.0660, "y_mm": 0.4136, "z_mm": 0.1131},
         *(
-            {"method": f"ours, {name}", **dict(zip(("x_mm", "y_mm", "z_mm"), spread.round(4).tolist()))}
+            {"method": f"ours, {name}", **dict(zip(("x_mm", "y_mm", "z_mm"), spread(pose, seen).round(4).tolist()))}
             for name, pose in ways.items()
-            for spread in [sphere_centres(pose, sets.centres).std(axis=0)]
         ),
     ]
 )

@@ -1,1 +1,0 @@
-"""Other methods, as one would write them without this project: what stands beside it in the tables."""

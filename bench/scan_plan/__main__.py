@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from bench.harness import Option, Study
-from bench.scan_plan.achieved import LIGHT_MM, SIMULATORS, examine
+from bench.scan_plan.achieved import SIMULATORS, examine
 from bench.tables import markdown
 
 QUANTITIES = (("root", "root face"), ("bevel", "bevel angle"))
@@ -34,21 +34,13 @@ def summary(rows: Sequence[Row], _: Any) -> Iterator[str]:
     yield from markdown(head, table)
     yield ""
     made = [row for row in rows if "refused" not in row]
-    clamped = [row for row in made if row["clamped"]]
-    written = [row for row in made if row["collision"] is not None and not row["collision"].startswith("none")]
-    missed = sum(row["missed"]["free"] > 0.0 for row in clamped)
-    beside = sum(row["missed"]["beside"] > 0.0 for row in clamped)
-    hit = sum(bool(row["collision"]) for row in written)
     refused = sum("refused" in one for row in made for one in row["simulators"].values())
     seconds = [row["seconds"] for row in made]
-    lit = sum(row["promised"] + row["missed"]["unseen"] > 1.0 - 1e-9 for row in made)
+    lit = sum(row["promised"] + row["unseen"] > 1.0 - 1e-9 for row in made)
     yield (
         f"{len(rows)} parts, {len(rows) - len(made)} without any pass. U is promised along the whole edge in "
-        f"{sum(row['promised'] == 1.0 for row in made)}, along its whole visible part in {lit}. Of {len(clamped)} "
-        f"clamped parts {missed} have a stretch that no pass sees though light reaches it from somewhere, {beside} of "
-        f"them with {LIGHT_MM:g} mm to spare. Programs of {len(written)} plans, driven independently: {hit} with a "
-        f"collision. Recordings refused: {refused}. Planning: median {np.median(seconds):.1f} s of a core, at most "
-        f"{max(seconds):.1f} s."
+        f"{sum(row['promised'] == 1.0 for row in made)}, along its whole visible part in {lit}. Recordings refused: "
+        f"{refused}. Planning: median {np.median(seconds):.1f} s of a core, at most {max(seconds):.1f} s."
     )
 
 

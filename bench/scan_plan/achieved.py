@@ -11,47 +11,42 @@ from typing import Any
 
 import numpy as np
 
-from bench.program_outsider import Outsider
 from bench.programs import CELL
 from bench.scan_plan.parts import ROBOT_MM, STANDOFF_MM, Drawn, analytic, draw, sensor_file, triangulated
 from workbench import cloud, edge, robot, scan
-from workbench.artefacts import Document, Gate, Recording
+from workbench.artefacts import Recording
 from workbench.errors import InputError, WorkbenchError
 from workbench.geometry.poses import inverse, pose_from
 from workbench.result_files import SensorFile
 from workbench.robot import Cell, turntable_pose
 from workbench.robot.cell import ON_TURNTABLE, Shape
 from workbench.scan import read_hand_eye
-from workbench.scan_plan import ScanPlan, program
-from workbench.scan_plan.information import Joint, Knowledge, View, hidden_why
+from workbench.scan_plan import ScanPlan
+from workbench.scan_plan.information import Joint, Knowledge
 from workbench.scan_plan.plan import Task, as_profiler, courses, planned, predicted
 from workbench.scan_plan.reach import scan_cell
-from workbench.scan_plan.way import EdgeLine, eyes_mm, view_poses
+from workbench.scan_plan.way import EdgeLine
 from workbench.synthetic.workpiece import build_surface, edge_frames, pose
-from workbench.units import DEG, Bool, Float
+from workbench.units import DEG
 
 HAND_EYE = CELL.parent.parent / "calibration" / "handeye.json"
 TAUGHT_MM = 0.3  # error of a taught point
 SIMULATORS = "analytic, sharp", "triangulated, sharp", "triangulated, a radius", "the same, predicted with it"
 ENDS_MM = 4.0  # of the edge, where passes begin
-LIGHT_MM = 0.5  # beside a ray: the line's half width, and more than a point is taught wrong
 
 
 def examine(seed: int) -> dict[str, Any]:
-    """One part: planned in the shipped cell, scanned, measured, its programs driven by the outsider."""
+    """One part: planned in the shipped cell, scanned, measured."""
     drawn = draw(seed)
-    row: dict[str, Any] = {"seed": seed, "clamped": drawn.clamp_mm is not None, "radius_mm": drawn.radius_mm}
     with TemporaryDirectory() as folder:
         sensor = sensor_file(drawn, Path(folder))
         begin = time.process_time()
         try:
             task, made = _planned(drawn, sensor, seed)
         except InputError as refused:
-            return {**row, "refused": str(refused)}
-        row |= {"seconds": time.process_time() - begin, "passes": len(made.passes), "table": made.table}
-        row |= {"promised": float(made.reached.mean()), "elevations": [one.view.elevation / DEG for one in made.passes]}
-        row["missed"] = _missed(drawn, task, made)
-        row["collision"] = _driven(made) if made.reached.all() else None
+            return {"refused": str(refused)}
+        row: dict[str, Any] = {"seconds": time.process_time() - begin, "promised": float(made.reached.mean())}
+        row["unseen"] = float((~np.any([one.sees for one in made.passes], axis=0)).mean())
         way = courses(made)
         found = {SIMULATORS[0]: _achieved(drawn, made, sensor, *analytic(drawn, made, way))}
         if drawn.clamp_mm is None and not any(one.view.lead for one in made.passes):
@@ -91,75 +86,6 @@ def _clamp(cell: Cell, drawn: Drawn, one: Any) -> Shape:
     offset = np.array([0.5 * (one.reach_out_mm - one.reach_in_mm), 0.0, 0.5 * (top - 2.0)])
     at = pose(part.base_from_part) @ middle @ pose_from(np.eye(3), offset)
     return Shape("clamp", ON_TURNTABLE, "box", size, inverse(turntable_pose(cell, 0.0)) @ at)
-
-
-def _missed(drawn: Drawn, task: Task, made: ScanPlan) -> dict[str, float]:
-    """Stations that no pass sees, and those to which light is free from somewhere, by another test: shares.
-
-    beside: the same with `LIGHT_MM` beside each ray.
-    """
-    sees = np.any([one.sees for one in made.passes], axis=0)
-    if drawn.clamp_mm is None or sees.all():
-        return {"unseen": float((~sees).mean()), "free": 0.0, "beside": 0.0}
-    free, beside = (float((~sees & _free(drawn, task, mm)).mean()) for mm in (0.0, LIGHT_MM))
-    return {"unseen": float((~sees).mean()), "free": free, "beside": beside}
-
-
-def _free(drawn: Drawn, task: Task, beside_mm: float) -> Bool:
-    """Stations whose whole section laser and camera reach past the clamp by so much, from any of many views."""
-    (one,) = drawn.recipe.part.clamps
-    part = drawn.recipe.part
-    middle = edge_frames(build_surface(part, 0), np.array([0.5 * (one.from_mm + one.to_mm)]))[0]
-    back = inverse(pose(part.base_from_part) @ middle)
-    half = 0.5 * (one.to_mm - one.from_mm)
-    low = np.array([-one.reach_in_mm, -half, -2.0]) - beside_mm
-    high = np.array([one.reach_out_mm, half, part.thickness_mm.highest + one.height_mm]) + beside_mm
-    at = task.edge.at(task.stations)
-    n, m = task.joint.section_mm.T
-    points = at.position_mm[:, None] + n[:, None] * at.normal[:, None] + m[:, None] * at.across[:, None]
-    free = np.zeros(len(points), bool)
-    for elevation in np.arange(-66.0, 67.0, 4.0):
-        for lead in (-15.0, 0.0, 15.0):
-            view = View(elevation * DEG, STANDOFF_MM, 0.5, lead * DEG)
-            if hidden_why(task.joint, task.profiler, view):
-                continue
-            for turned in (False, True):
-                poses = view_poses(at, task.joint, view, turned, task.edge.length_mm, 0.0)
-                eyes = eyes_mm(task.profiler, view, poses)
-                free |= ~_hit(points, eyes, back, low, high)
-    return free
-
-
-def _hit(points: Float, eyes: Float, back: Float, low: Float, high: Float) -> Bool:
-    """Whether a box is between any point (k, p, 3) of a station and any eye (k, e, 3): the slab test."""
-    a, b = (one @ back[:3, :3].T + back[:3, 3] for one in (points[:, :, None], eyes[:, None]))
-    way = b - a
-    way = np.where(np.abs(way) < 1e-9, 1e-9, way)
-    one, two = (low - a) / way, (high - a) / way
-    enter, leave = np.minimum(one, two).max(axis=-1), np.maximum(one, two).min(axis=-1)
-    return np.asarray(((enter <= leave) & (leave > 0.0) & (enter < 1.0)).any(axis=(1, 2)))
-
-
-def _driven(made: ScanPlan) -> str:
-    """What the outsider meets on the programs of a plan, as joint angles over time; '' nothing, 'none': not written."""
-    assert made.scan_cell is not None
-    cell = made.scan_cell
-    out = program(made, cell, controller="trajectory", scanner_mass_kg=3.0)
-    gate = out[-1]
-    assert isinstance(gate, Gate)
-    if not gate.passed:
-        return f"none: {gate.reason}"
-    outsider = Outsider(CELL.parent / "irb6700_150_320.urdf", cell)
-    for one in out:
-        if isinstance(one, Document) and one.name.endswith(".csv"):
-            lines = [line for line in one.content.decode().splitlines() if not line.startswith("#")]
-            rows = np.loadtxt(lines[1:], delimiter=",", usecols=range(8))  # time, six joints, turntable
-            joints, tables = outsider.sampled(rows[:, 0], rows[:, 1:])
-            if ((joints < outsider.low) | (joints > outsider.high)).any():
-                return "limit"
-            if wrong := outsider.unsafe(cell, joints, tables):
-                return wrong
-    return ""
 
 
 def _achieved(drawn: Drawn, made: ScanPlan, sensor: Path, recording: Recording, truth: Any) -> dict[str, Any]:

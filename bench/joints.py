@@ -1,7 +1,7 @@
 """Grooves and prepared plates of four simulators: refusals, wrong types, errors beside u: `python -m bench.joints`.
 
-Grooves: `swept` and `odd` of the swept simulator, `prism` of the package's, `shop_floor` of the third one
-(`bench.odd_grooves`), whose type is not asked for. Plates: `plate` and `odd_plate` of the swept simulator,
+Grooves: `swept` of the swept simulator, `prism` of the package's, `shop_floor` of the third one
+(`bench.odd_grooves`), whose type is not asked for. Plates: `plate` of the swept simulator,
 `outside_plate` and `x_plate` of the third one.
 """
 
@@ -84,11 +84,9 @@ def _plate(kind: str, recording: Recording, sizes: Any, position: Float, true: M
 PLATES = preparations.KINDS
 JOINTS: dict[str, tuple[Sequence[str], Callable[[str, int], Joint]]] = {  # by name: kinds, draw
     "swept": (GROOVES, lambda kind, seed: of_groove(kind, simulate_groove(grooves.random_groove_recipe(kind, seed)))),
-    "odd": (GROOVES, lambda kind, seed: of_groove(kind, simulate_groove(grooves.odd_groove(kind, seed)))),
     "prism": (GROOVES, lambda kind, seed: of_groove(kind, simulate_prism(grooves.random_prism_recipe(kind, seed)))),
     "shop_floor": (tuple(SHAPES), shop_floor),
     "plate": (PLATES, lambda kind, seed: of_recipe(kind, preparations.swept_plate(kind, seed))),
-    "odd_plate": (PLATES, lambda kind, seed: of_recipe(kind, preparations.odd_plate(kind, seed))),
     "outside_plate": (PLATES, lambda kind, seed: of_outside(kind, preparations.outside_plate(kind, seed))),
     "x_plate": (("bevel",), lambda kind, seed: of_outside(kind, preparations.x_plate(seed))),
 }

@@ -1,13 +1,8 @@
-"""Random grooves of each type, of the package's (straight ones) and of the swept simulator, for statistics.
-
-Odd: shapes that nothing is made for: any angle, gap, radius and misalignment, rounded upper edges, coarse columns.
-"""
+"""Random grooves of each type, of the package's (straight ones) and of the swept simulator, for statistics."""
 
 from __future__ import annotations
 
 import math
-
-import numpy as np
 
 from bench.drawn.common import Document, anywhere, course, held, noise, robot, scanner, spine, way
 from bench.drawn.plates import begun, draw_course, draw_disturbances, draw_part, draw_robot, draw_scanner
@@ -72,11 +67,11 @@ def random_prism_recipe(kind: str, seed: int) -> PrismRecipe:
     return PrismRecipe.model_validate(document)
 
 
-def random_groove_recipe(groove: str, seed: int, clutter: bool = True) -> GrooveRecipe:
+def random_groove_recipe(groove: str, seed: int) -> GrooveRecipe:
     """A groove of type `groove` (a letter of GROOVES) drawn at random; the same seed gives the same recipe.
 
     Plates of 6 to 15 mm, 80 to 120 mm long, straight, an arc or waving in space; gap, root faces, angles and
-    misalignment drift. With `clutter`: tack welds, spatter, reflections, texture of mill scale.
+    misalignment drift.
     """
     rng = begun(groove, seed, GROOVES, "groove ", *GROOVE)
     length, thickness = rng.uniform(80, 120), rng.uniform(8, 15) if groove in "XK" else rng.uniform(6, 15)
@@ -102,19 +97,6 @@ def random_groove_recipe(groove: str, seed: int, clutter: bool = True) -> Groove
         "upper_radius_mm": 0.0 if rng.random() < 0.5 else rng.uniform(0, 0.3),
         "base_from_part": anywhere(rng, 40, 40),
     }
-    if clutter:
-        part["tacks"] = [
-            {
-                "at_mm": rng.uniform(10, length - 10),
-                "length_mm": rng.uniform(6, 15),
-                "width_mm": rng.uniform(3, 6),
-                "height_mm": rng.uniform(1, 3),
-            }
-            for _ in range(rng.integers(0, 3))
-        ]
-        part["spatter"] = {"per_100_mm": rng.uniform(0, 15)}
-        part["reflections"] = {"share": rng.uniform(0, 0.08), "patch_mm": rng.uniform(0.5, 3)}
-        part["texture"] = {"sd_mm": rng.uniform(0, 0.01), "correlation_mm": rng.uniform(0.1, 0.8)}
     half_width = (thickness - root) * math.tan(max(left, right) * DEG) + (6 if groove in "UJ" else 3)
     columns = 640
     pitch = max(0.04, (2 * half_width + 16) / columns)
@@ -154,39 +136,3 @@ def random_groove_recipe(groove: str, seed: int, clutter: bool = True) -> Groove
             ],
         }
     )
-
-
-def odd_groove(kind: str, seed: int) -> GrooveRecipe:
-    """A groove as `random_groove_recipe` draws it, with sizes from far beyond what is usual."""
-    rng = np.random.default_rng([783, seed, GROOVES.index(kind)])
-    recipe = random_groove_recipe(kind, seed, clutter=bool(rng.random() < 0.5)).model_dump(mode="json")
-    part, scanner, way = recipe["part"], recipe["scanner"], recipe["passes"][0]
-    thickness, under = rng.uniform(3.0, 25.0), 0.0
-    if kind in "XK":
-        under = rng.uniform(0.15, 0.5) * thickness
-    root = rng.uniform(0.0, 0.7) * (thickness - under)
-    left, right = rng.uniform(*((5.0, 25.0) if kind in "UJ" else (15.0, 60.0)), 2)
-    gap = float(rng.choice([0.0, np.exp(rng.uniform(math.log(0.3), math.log(12.0)))]))
-    part |= {
-        "thickness_mm": _flat(thickness),
-        "gap_mm": _flat(gap),
-        "root_face_left_mm": _flat(root),
-        "root_face_right_mm": _flat(root * rng.uniform(0.7, 1.2)),
-        "bevel_left_deg": _flat(left),
-        "bevel_right_deg": _flat(right),
-        "under_depth_mm": max(under, 0.1),
-        "root_radius_mm": float(np.exp(rng.uniform(math.log(0.5), math.log(12.0)))),
-        "misalignment_mm": _flat(rng.uniform(-0.3, 0.3) * thickness),
-        "upper_radius_mm": 0.0 if rng.random() < 0.4 else rng.uniform(0.0, 0.9),
-    }
-    half = (thickness - root) * math.tan(max(left, right) * DEG) + gap / 2 + 8.0
-    scanner["columns"] = int(rng.choice([320, 640, 1280]))
-    scanner["pitch_mm"] = 2.2 * half / scanner["columns"]
-    scanner["near_mm"], scanner["far_mm"] = scanner["standoff_mm"] - 60.0, scanner["standoff_mm"] + 90.0
-    way["aim_mm"] = [0.0, 0.7 * thickness]
-    way["skew_mm"] = [-1.0, 1.0]
-    return GrooveRecipe.model_validate(recipe)
-
-
-def _flat(value: float) -> dict[str, float]:
-    return {"start": value, "end": value}

@@ -79,35 +79,6 @@ def _course(rng: Generator, mean: float, change: float) -> Document:
     return course(rng, mean, change, 0.2 * change)
 
 
-def odd_plate(kind: str, seed: int) -> SweptRecipe:
-    """A plate as `swept_plate` draws it, with a preparation from far beyond what is usual."""
-    rng = np.random.default_rng([782, seed, KINDS.index(kind)])
-    recipe = swept_plate(kind, seed).model_dump(mode="json", exclude_defaults=True)
-    part, scanner = recipe["part"], recipe["scanner"]
-    root, depth, bevel = rng.uniform(0.6, 5.0), rng.uniform(2.0, 12.0), rng.uniform(6.0, 68.0)
-    land = float(np.exp(rng.uniform(math.log(0.15), math.log(5.0))))
-    radius, no_land = float(np.exp(rng.uniform(math.log(0.5), math.log(8.0)))), kind == "J" and rng.random() < 0.4
-    lower = max(0.6, rng.uniform(0.05, 0.9) * (depth - 0.1 * (root + depth)))
-    radius = min(radius, 0.8 * depth / math.cos(bevel * DEG) / math.tan((90.0 - bevel) / 2 * DEG))
-    narrowest = min(root, *({"compound": [lower, depth - lower], "nose": [land]}.get(kind, [depth])))
-    part |= {
-        "thickness_mm": _course(rng, root + depth, 0.05),
-        "root_mm": _course(rng, root, 0.1),
-        "bevel_deg": _course(rng, bevel, 0.3),
-        "upper_bevel_deg": _course(rng, rng.uniform(4.0, 78.0), 0.3),
-        "lower_bevel_mm": _course(rng, lower, 0.02),
-        "land_mm": _course(rng, 0.0 if no_land else land, 0.0 if no_land else 0.02),
-        "root_radius_mm": radius,
-        "middle_radius_mm": 0.0 if rng.random() < 0.4 or no_land else rng.uniform(0.0, min(1.0, 0.6 * narrowest)),
-        "upper_radius_mm": 0.0 if rng.random() < 0.5 else rng.uniform(0.0, min(0.8, 0.3 * narrowest)),
-        "lower_radius_mm": 0.0 if rng.random() < 0.7 else rng.uniform(0.0, 0.15),
-        "bevel_bow_mm": 0.0 if rng.random() < 0.6 else rng.uniform(-0.2, 0.2) * min(1.0, narrowest / 6.0),
-    }
-    scanner["columns"] = int(rng.choice([400, 640, 800, 1280]))
-    scanner["pitch_mm"] = max(0.02, (depth * math.tan(bevel * DEG) + root + depth + land + 12.0) / scanner["columns"])
-    return SweptRecipe.model_validate(recipe)
-
-
 def outside_plate(kind: str, seed: int) -> tuple[Recording, Truth]:
     """The same of the third simulator: straight, one section all along; truths (1,)."""
     rng = np.random.default_rng([781, seed, KINDS.index(kind)])

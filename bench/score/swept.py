@@ -72,7 +72,7 @@ def raw(seed: int) -> Drawn:
 def groove(seed: int) -> Drawn:
     from bench.drawn.grooves import random_groove_recipe
 
-    return groove_part(*simulate_groove(random_groove_recipe(("V", "Y", "HV", "HY")[seed % 4], seed, clutter=False)))
+    return groove_part(*simulate_groove(random_groove_recipe(("V", "Y", "HV", "HY")[seed % 4], seed)))
 
 
 DRAWS = {"sharp": sharp, "worn": worn, "odd": odd, "raw": raw, "groove": groove}

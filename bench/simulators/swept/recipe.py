@@ -6,10 +6,9 @@ the section is swept along; in the section a counts along the end face's normal 
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from workbench.synthetic.recipe import (
     Along,
@@ -32,7 +31,6 @@ from workbench.synthetic.recipe import (
 )
 
 Small = Annotated[float, Field(ge=0, le=5)]
-_MOST_FRAMES = 200_000
 
 
 def _flat(value: float) -> Course:
@@ -55,14 +53,6 @@ class Spine(Strict):
     phase_deg: Number = 0.0
     shell_radius_mm: Positive = 500.0
     start_deg: Number = 0.0
-
-    @model_validator(mode="after")
-    def _sound(self) -> Spine:
-        if self.shape == "arc" and self.length_mm > 2 * math.pi * self.radius_mm * (1 + 1e-9) and self.rise_mm == 0:
-            raise ValueError("an arc is one turn at most: length_mm <= 2 pi radius_mm")
-        if self.shape == "saddle" and self.radius_mm > 0.8 * self.shell_radius_mm:
-            raise ValueError("radius_mm must be at most 0.8 shell_radius_mm on a saddle")
-        return self
 
 
 class EdgeBurr(Burr):
@@ -134,34 +124,6 @@ class SweptPart(Strict):
     clamps: tuple[Block, ...] = ()
     base_from_part: Placement = Placement(position_mm=(1500.0, 0.0, 800.0))
 
-    @model_validator(mode="after")
-    def _sound(self) -> SweptPart:
-        if self.kind == "milled":
-            if self.root_mm.lowest <= 0 or self.root_mm.highest >= 0.95 * self.thickness_mm.lowest:
-                raise ValueError("root_mm must stay above 0 and below 0.95 thickness_mm along the edge")
-            if self.bevel_deg.lowest < 5 or self.bevel_deg.highest > 75:
-                raise ValueError("bevel_deg must stay between 5 and 75 along the edge")
-            self._prepared()
-        inner = self.spine.shape == "arc" and self.spine.sense == "convex"
-        if inner and self.reach_mm >= 0.9 * self.spine.radius_mm:
-            raise ValueError("reach_mm must stay below 0.9 radius_mm on a convex arc")
-        return self
-
-    def _prepared(self) -> None:
-        """What else a preparation other than a plain bevel must keep to."""
-        if self.preparation == "bevel":
-            return
-        if self.wave_mm.lowest != 0 or self.wave_mm.highest != 0:
-            raise ValueError("wave_mm must be 0 for a preparation other than bevel")
-        if self.preparation == "compound":
-            if self.upper_bevel_deg.lowest < 2 or self.upper_bevel_deg.highest > 80:
-                raise ValueError("upper_bevel_deg must stay between 2 and 80 along the edge")
-            high = self.root_mm.highest + self.lower_bevel_mm.highest
-            if self.lower_bevel_mm.lowest <= 0 or high >= 0.95 * self.thickness_mm.lowest:
-                raise ValueError("lower_bevel_mm must stay above 0, and root_mm with it below 0.95 thickness_mm")
-        elif self.land_mm.lowest < 0 or (self.preparation == "nose" and self.land_mm.lowest == 0):
-            raise ValueError("land_mm must not fall to 0 along the edge of a nose, nor below 0 of a J")
-
 
 class SweptNoise(GrazingNoise):
     """Noise of the ranges: neighbours share `column_correlation`; `pattern_share` of the variance stays the same in
@@ -210,14 +172,6 @@ class Way(Look):
     motion: Motion = "stream"
     follow: Literal["line", "edge", "section"] = "edge"
 
-    @model_validator(mode="after")
-    def _sound(self) -> Way:
-        if any(a == b for a, b in zip(self.way_mm, self.way_mm[1:], strict=False)):
-            raise ValueError("way_mm: neighbouring places must differ")
-        if self.motion == "two_poses" and (self.follow != "line" or len(self.way_mm) > 2 or any(self.sway_deg)):
-            raise ValueError("a motion of two_poses is one straight line: follow 'line', two places, no sway")
-        return self
-
 
 class SweptRobot(RecordedRobot):
     """The robot's motion as it is and as it is recorded."""
@@ -237,23 +191,6 @@ class Tack(Strict):
     length_mm: Annotated[float, Field(gt=0, le=200)] = 12.0
     width_mm: Annotated[float, Field(gt=0, le=50)] = 4.0
     height_mm: Annotated[float, Field(gt=0, le=20)] = 2.0
-
-
-class Spatter(Strict):
-    """Drops on the upper surfaces and the flanks, anywhere within `reach_mm` of the groove's middle."""
-
-    per_100_mm: NonNegative = 0.0
-    radius_mm: tuple[Annotated[float, Field(gt=0, le=3)], Annotated[float, Field(gt=0, le=3)]] = (0.2, 0.8)
-    reach_mm: Positive = 12.0
-
-
-class Reflection(Strict):
-    """Patches of a flank in which the other flank is seen: the range is too long by a share of the way between them."""
-
-    flank: Literal["left", "right", "both"] = "both"
-    share: Share = 0.0
-    patch_mm: Annotated[float, Field(ge=0.2, le=20)] = 2.0
-    depth_share: Annotated[float, Field(gt=0, le=2)] = 0.5
 
 
 class GroovePart(Strict):
@@ -279,26 +216,7 @@ class GroovePart(Strict):
     reach_mm: Positive = 30.0
     background_mm: NonNegative | None = None
     tacks: tuple[Tack, ...] = ()
-    spatter: Spatter = Spatter()
-    reflections: Reflection = Reflection()
     base_from_part: Placement = Placement(position_mm=(1500.0, 0.0, 800.0))
-
-    @model_validator(mode="after")
-    def _sound(self) -> GroovePart:
-        if self.gap_mm.lowest < 0:
-            raise ValueError("gap_mm must not fall below 0 along the edge")
-        if self.groove == "I":
-            return self
-        under = self.under_depth_mm if self.groove in ("X", "K") else 0.0
-        for name in ("left", "right"):
-            root, bevel = getattr(self, f"root_face_{name}_mm"), getattr(self, f"bevel_{name}_deg")
-            if root.lowest < 0 or root.highest + under > 0.9 * self.thickness_mm.lowest:
-                raise ValueError(
-                    f"root_face_{name}_mm must stay within 0 and 0.9 thickness_mm, less what lies under it"
-                )
-            if bevel.lowest < 3 or bevel.highest > 70:
-                raise ValueError(f"bevel_{name}_deg must stay between 3 and 70 along the edge")
-        return self
 
 
 class ScanRecipe(Headed):
@@ -311,13 +229,6 @@ class ScanRecipe(Headed):
     losses: Losses = Losses()
     robot: SweptRobot = SweptRobot()
     passes: Annotated[tuple[Way, ...], Field(min_length=1, max_length=20)]
-
-    @model_validator(mode="after")
-    def _bounded(self) -> ScanRecipe:
-        way = sum(abs(b - a) for w in self.passes for a, b in zip(w.way_mm, w.way_mm[1:], strict=False))
-        if way / self.robot.frame_pitch_mm > _MOST_FRAMES:
-            raise ValueError(f"at most {_MOST_FRAMES} frames in all")
-        return self
 
 
 class SweptRecipe(ScanRecipe):

@@ -34,7 +34,6 @@ class Hits:
     s: Shaped[Float, " k"]  # along the spine
     across_mm: Shaped[Float, " k"]  # across the face, from its lower end
     share: Shaped[Float, " k"]  # the same as a share of the face
-    normal: Shaped[Float, "k 3"]  # of the triangle
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +66,7 @@ class Mesh:
         at = place[:, 0] + uv[:, :1] * (place[:, 1] - place[:, 0]) + uv[:, 1:] * (place[:, 2] - place[:, 0])
         face = np.where(hit, self.face[index], OTHER).astype(np.uint8)
         reach, cosine = np.where(hit, reach, np.inf), np.where(hit, cosine, 0.0)
-        return Hits(reach, cosine, face, at[:, 0], at[:, 1], at[:, 2], normal)
+        return Hits(reach, cosine, face, at[:, 0], at[:, 1], at[:, 2])
 
     def open_way(self, start: Float, end: Float) -> Bool:
         """Whether nothing stands between `start` (k, 3) on the part and `end` (k, 3)."""
@@ -359,7 +358,7 @@ class Profiles:
     share: Shaped[Float, "*n"]  # across the face
 
 
-Spoil = Callable[[Hits, Float, Float, np.random.Generator], Float]  # hits, points (k, 3), ways (k, 3) -> what is added
+Spoil = Callable[[Hits, np.random.Generator], Float]  # what is added to the ranges (k,)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -369,7 +368,7 @@ class View:
     mesh: Mesh
     scanner: SweptScanner
     texture: Mapping[int, Relief]  # by face
-    spoil: Spoil  # what ghosts and reflections add to the ranges
+    spoil: Spoil
     rng: np.random.Generator
 
 
@@ -400,7 +399,7 @@ def _look(view: View, pose: Float, index: AnyArray, column: Float) -> Profiles:
     found[found] = lit
     reach = np.where(found, hits.reach + scanner.near_mm, np.nan)
     reach -= _relief(hits, view.texture) / np.maximum(hits.cosine, LEAST_COSINE)
-    reach += view.spoil(hits, point, way, view.rng)
+    reach += view.spoil(hits, view.rng)
     face = np.where(found, hits.face, OTHER).astype(np.uint8)
     return Profiles(reach, hits.cosine, found.astype(float), face, hits.s, hits.share)
 

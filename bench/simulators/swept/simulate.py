@@ -14,7 +14,6 @@ from bench.simulators.swept.recipe import (
     Ghost,
     GroovePart,
     GrooveRecipe,
-    Reflection,
     SweptPart,
     SweptRecipe,
     SweptScanner,
@@ -82,9 +81,8 @@ def simulate_groove(recipe: GrooveRecipe) -> tuple[Recording, GrooveTruth]:
     """As `simulate_swept`, of a groove."""
     part, curve = recipe.part, curve_of(recipe.part)
     with _section_refused():
-        mesh = groove_mesh(part, curve, np.random.default_rng([recipe.seed, 21]))
-    spoil = reflections_of(part.reflections, mesh, np.random.default_rng([recipe.seed, 25]))
-    recording, seen = _scanned(recipe, curve, mesh, spoil, partial(_groove_seen, part=part))
+        mesh = groove_mesh(part, curve)
+    recording, seen = _scanned(recipe, curve, mesh, ghosts_of(()), partial(_groove_seen, part=part))
     return recording, groove_truth(recipe, curve, seen)
 
 
@@ -163,15 +161,10 @@ def _groove_seen(profiles: Profiles, part: GroovePart) -> Float:
     return np.asarray(middle[enough])
 
 
-# Ranges that are wrong for what the part is: second returns of a face, and one flank seen in the other.
-
-MOST_BETWEEN_MM = 40.0  # flanks further apart show nothing of each other
-
-
 def ghosts_of(ghosts: Sequence[Ghost]) -> Spoil:
     """What ghosts add to the ranges."""
 
-    def added(hits: Hits, point: Float, way: Float, rng: np.random.Generator) -> Float:
+    def added(hits: Hits, rng: np.random.Generator) -> Float:
         off = np.zeros(len(hits.s))
         for ghost in ghosts:
             on = (hits.face == (ROOT if ghost.face == "root" else BEVEL)) & (hits.s >= ghost.from_mm)
@@ -184,39 +177,16 @@ def ghosts_of(ghosts: Sequence[Ghost]) -> Spoil:
     return added
 
 
-def reflections_of(reflection: Reflection, mesh: Mesh, rng: np.random.Generator) -> Spoil:
-    """What reflections add: where a patch of a flank mirrors the laser onto the other plate, a share of that way."""
-    patches = gaussian_relief(1.0, reflection.patch_mm, (512, 256), rng)
-    least = float(np.quantile(patches.field, 1 - reflection.share))
-    sides = {"left": (0,), "right": (RIGHT,), "both": (0, RIGHT)}[reflection.flank]
-
-    def added(hits: Hits, point: Float, way: Float, rng: np.random.Generator) -> Float:
-        off = np.zeros(len(hits.s))
-        if reflection.share == 0:
-            return off
-        for side in sides:
-            on = np.flatnonzero(np.isin(hits.face, (ROOT + side, BEVEL + side)))
-            on = on[patches.at(hits.s[on] + 37.0 * side, hits.across_mm[on]) > least]
-            normal, into = hits.normal[on], way[on] / np.linalg.norm(way[on], axis=1, keepdims=True)
-            out = into - 2 * np.einsum("ij,ij->i", into, normal)[:, None] * normal
-            back = mesh.cast(point[on] + 0.02 * normal, out)
-            seen = (back.reach < MOST_BETWEEN_MM) & (back.face // RIGHT == (RIGHT - side) // RIGHT)
-            off[on[seen]] = reflection.depth_share * back.reach[seen]
-        return off
-
-    return added
-
-
-# A groove as triangles: both plates, tack welds, spatter and what lies behind the gap.
+# A groove as triangles: both plates, tack welds and what lies behind the gap.
 
 BACKGROUND = 32  # a face: what is seen through the gap
 
 
-def groove_mesh(part: GroovePart, curve: Curve, rng: np.random.Generator) -> Mesh:
+def groove_mesh(part: GroovePart, curve: Curve) -> Mesh:
     """The mesh of a groove."""
     frames = stations(curve)
     pieces = [chain_sheet(frames, chain) for chain in groove_chains(part, frames.s, curve.length)]
-    pieces += _tacks(part, curve) + _spatter(part, curve, rng)
+    pieces += _tacks(part, curve)
     if part.background_mm is not None:
         a, b = 1.5 * part.reach_mm, -part.background_mm
         points = np.repeat(np.array([[[a, b], [-a, b]]]), len(frames.s), axis=0)
@@ -238,29 +208,9 @@ def _tacks(part: GroovePart, curve: Curve) -> list[Piece]:
     ]
 
 
-def _spatter(part: GroovePart, curve: Curve, rng: np.random.Generator) -> list[Piece]:
-    """Drops, their middles on the surface."""
-    count = rng.poisson(part.spatter.per_100_mm * curve.length / 100)
-    s, across = rng.uniform(0, curve.length, count), rng.uniform(-1, 1, count) * part.spatter.reach_mm
-    radius = rng.uniform(*part.spatter.radius_mm, count)
-    pieces = []
-    for i in range(count):
-        at = np.array([s[i]])
-        corners = groove_sizes(part, at, curve.length).corners
-        side = "left" if across[i] < 0 else "right"
-        root, upper = corners[f"{side}_root"][0], corners[f"{side}_upper"][0]
-        outer, inner = sorted([abs(root[0]), abs(upper[0])])[::-1]
-        if abs(across[i]) < inner:  # it fell through the gap
-            continue
-        share = np.clip((abs(across[i]) - inner) / max(outer - inner, 1e-9), 0, 1)
-        height = root[1] + share * (upper[1] - root[1])
-        place = np.array([across[i], height])
-        pieces.append(_ellipsoid(curve, s[i], place, (radius[i],) * 3, steps=9))
-    return pieces
-
-
-def _ellipsoid(curve: Curve, s: float, place: Float, half: tuple[float, float, float], steps: int = 25) -> Piece:
+def _ellipsoid(curve: Curve, s: float, place: Float, half: tuple[float, float, float]) -> Piece:
     """An ellipsoid about the place (a, b) of the section at s, half axes along a, b and the edge."""
+    steps = 25
     frames = curve.frames(np.array([s]))
     turn, tilt = np.linspace(0, 2 * np.pi, 2 * steps - 1), np.linspace(-np.pi / 2, np.pi / 2, steps)
     u, v = np.meshgrid(turn, tilt, indexing="ij")

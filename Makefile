@@ -66,7 +66,7 @@ metrology-quick: setup-dev
 	@$(BIN)/python -m bench.open --quick
 
 bench: setup-dev
-	@$(BIN)/python -m bench.speed
+	@$(BIN)/python -m bench.speed --docs
 
 fuzz: setup-dev
 	@$(BIN)/python -m bench.fuzz --docs

@@ -14,7 +14,6 @@ from typing import Any
 
 import coal
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from workbench.geometry.poses import pose_from
@@ -26,7 +25,6 @@ from workbench.units import Bool, Float, Int
 STEP_MM, STEP_DEG = 0.5, 0.2
 JUMP = np.radians(15)
 CLOSE_MM, CLOSE_RAD, ROUNDS = 1e-5, 1e-8, 20  # of Newton
-CLOSE_SHARE, FINEST = 1e-4, 400_000  # of a limit; even steps of time
 ROUNDING_MM, ROUNDING_RAD = 2e-3, 1e-5  # of a program's digits, for promises
 
 
@@ -66,7 +64,6 @@ class Outsider:
         self.axis = np.array([_numbers(one.find("axis"), "xyz") for one in joints])
         limits = [one.find("limit") for one in joints]
         self.low, self.high = (np.array([float(one.get(key)) for one in limits]) for key in ("lower", "upper"))
-        self.speeds = np.array([float(one.get("velocity")) for one in limits])
         (flange,) = [one for one in ElementTree.parse(urdf).getroot().iter("joint") if _child(one) == "tool0"]
         self.tip = _origin(flange) @ cell.flange_from_cutter
         self.at_zero = self.links(np.zeros((1, 6)))[0]
@@ -116,47 +113,6 @@ class Outsider:
             q[rows[~lost]] = found[~lost]
             driven[rows, t] = found
         return [(str(wrong[i]), driven[i, : len(one.leg)], one.table) for i, one in enumerate(tracks)]
-
-    def sampled(self, times: Float, angles: Float) -> tuple[Float, Float]:
-        """Joints (m, 6) rad and turntable (m,) deg of rows (n, 7) in deg at times (n,), STEP_DEG apart."""
-        steps = np.ceil(np.abs(np.diff(angles, axis=0)).max(axis=1) / STEP_DEG).astype(int) + 1
-        between = zip(times[:-1], times[1:], steps, strict=True)
-        fine = np.append(np.concatenate([np.linspace(a, b, n, endpoint=False) for a, b, n in between]), times[-1])
-        made = np.column_stack([np.interp(fine, times, column) for column in angles.T])
-        return np.radians(made[:, :6]), made[:, 6]
-
-    def too_fast(self, cell: Cell, times: Float, angles: Float) -> tuple[str, float]:
-        """Which limit no motion through the rows can keep, by speed or acceleration; and the largest share of a speed.
-
-        Speeds are differences over even time steps, of which the shortest row has several. Somewhere within three rows
-        the acceleration is twice their second divided difference, whatever the motion; likewise over longer stretches,
-        and from the standstill at both ends the first and last way over half the square of its time.
-        """
-        rated = np.degrees(np.append(self.speeds, [axis.speed for axis in cell.axes] or np.inf))
-        even = np.linspace(times[0], times[-1], int(min(5 * (times[-1] / np.diff(times).min()), FINEST)) + 2)
-        places = np.stack([np.interp(even, times, column) for column in angles.T], axis=1)
-        share = np.abs(np.diff(places, axis=0)).max(axis=0) / (even[1] - even[0]) / rated
-        if share.max() > 1 + CLOSE_SHARE:
-            return f"speed of axis {share.argmax() + 1}: {share.max():.4f}", float(share.max())
-        most = _accelerations(cell)
-        if most is None:
-            return "", float(share.max())
-        asked = [2 * np.abs(way) / time**2 / most for way, time in _ends(times, angles)]
-        for step in (1, 2, 3):
-            rows, when = angles[::step], times[::step, None]
-            speed = np.diff(rows, axis=0) / np.diff(when, axis=0)
-            asked += list(np.abs(2 * np.diff(speed, axis=0) / (when[2:] - when[:-2])) / most)
-        worst = np.max(asked, axis=0)
-        found = f"acceleration of axis {worst.argmax() + 1}: {worst.max():.4f}"
-        return found if worst.max() > 1 + CLOSE_SHARE else "", float(share.max())
-
-    def of_a_spline(self, cell: Cell, times: Float, angles: Float) -> float:
-        """The largest share of an acceleration that a cubic spline through the rows asks, from rest to rest."""
-        most = _accelerations(cell)
-        if most is None:
-            return 0.0
-        bends = CubicSpline(times, angles, bc_type="clamped")(times, 2)  # largest at the rows
-        return float((np.abs(bends) / most).max())
 
     def _follow(self, q: Float, pose: Float) -> Float:
         """Newton from the postures before (n, 6) to the tip's poses (n, 4, 4); NaN where it finds no way."""
@@ -268,19 +224,6 @@ class Outsider:
             return f"{np.degrees(room):.4f} deg from a limit, said {np.degrees(limit_margin):.4f}"
         distance, names = self.least(cell, joints, tables, clearance_mm)
         return f"{names}: {distance:.4f} mm, said {clearance_mm:.4f}" if distance < clearance_mm - ROUNDING_MM else ""
-
-
-def _ends(times: Float, angles: Float) -> list[tuple[Float, float]]:
-    """Way and time of the first and of the last step."""
-    return [(angles[i + 1] - angles[i], float(times[i + 1] - times[i])) for i in (0, len(times) - 2)]
-
-
-def _accelerations(cell: Cell) -> Float | None:
-    """Largest of six joints and the external axes, deg/s^2."""
-    joints, tables = cell.accelerations, [axis.acceleration or np.inf for axis in cell.axes] or [np.inf]
-    if joints is None and min(tables) == np.inf:
-        return None
-    return np.degrees(np.append(np.full(6, np.inf) if joints is None else joints, tables))
 
 
 def track(tip: Float, table: Float | float, targets: list[Target]) -> Track:

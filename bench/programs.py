@@ -207,11 +207,6 @@ def judged(found: Judgement) -> Counter[str]:
     return Counter(["programs", "passed" if found.passed else "refused", *(f"refused for: {kind}" for kind in kinds)])
 
 
-def blocks(given: Namespace, size: int = TOGETHER) -> Iterator[tuple[int, int, int]]:
-    """Seed, first number and the one after the last of those that are driven side by side."""
-    return ((given.seed, low, min(low + size, given.count)) for low in range(0, given.count, size))
-
-
 def summed(tallies: Sequence[Mapping[str, int]], _: Namespace) -> Iterator[str]:
     """All blocks together."""
     tally = Counter[str]()
@@ -263,7 +258,8 @@ def driven(task: tuple[str, int, int, int, int]) -> Counter[str]:
 
 def tasks(given: Namespace) -> Iterator[tuple[str, int, int, int, int]]:
     kind = "track" if given.track else "positioner" if given.positioner else "turntable"
-    return ((kind, given.all_driven, *block) for block in blocks(given))
+    for low in range(0, given.count, TOGETHER):
+        yield kind, given.all_driven, given.seed, low, min(low + TOGETHER, given.count)
 
 
 STUDY = Study(

@@ -382,19 +382,12 @@ def square(rng: Generator, document: Document) -> None:
     document["scanner"].update(max_incidence_deg=78, sampling="lateral", beam="parallel")
 
 
-def robot(rng: Generator, document: Document) -> None:
-    """Hand-eye and poses as much in error as on milled parts: the whole edge is displaced."""
-    errors = dict(document["robot"])
-    straight(rng, document)
-    document["robot"].update(errors)
-
-
 RAW_CONDITIONS: dict[str, Condition] = {"raw_straight": straight}
 RAW_CONDITIONS |= {
     f"raw_{name}": raw(CONDITIONS[name]) for name in ("arc", "wavy", "outliers_5", "missing_20", "clamps")
 }
 RAW_CONDITIONS |= {f"raw_{c.__name__}": raw(c) for c in (drift, rough, twist, burrs, below, square)}
-RAW_CONDITIONS |= {"raw_two_pass": raw(two_raw_passes), "raw_robot": robot}
+RAW_CONDITIONS["raw_two_pass"] = raw(two_raw_passes)
 
 
 def random_recipe(condition: str, seed: int) -> Recipe:

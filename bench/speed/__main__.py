@@ -1,79 +1,59 @@
-"""`python -m bench.speed`: measures, prints the table and writes docs/benchmarks.md."""
+"""`python -m bench.speed`: how fast, and in how much memory; `--docs` writes docs/benchmarks.md."""
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import platform
-import subprocess
-import sys
-import tempfile
+from argparse import Namespace
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
-from bench.harness import ROOT, THREADS, made_by
+from bench.harness import Option, Study
 from bench.speed import computing, waiting
 from bench.speed.timing import REPEATS, Row
-from bench.tables import markdown, put_into
+from bench.tables import markdown
 from workbench.geometry.blocks import cores
 from workbench.pipeline.run import versions
 
-PAGE = ROOT / "docs" / "benchmarks.md"
 HEAD = ("measurement; compared with", "result", "goal")
-GROUPS = {  # by name, how the rows are made; of those on one core in a process of their own
+GROUPS = {  # by name, how the rows are made
     "start": waiting.starting,
     "install": waiting.installing,
     "follow": waiting.following,
     "import": waiting.importing,
     "inspection": computing.inspecting,
     "batch": computing.batches,
+    "planning": computing.planning,
+    "calibration": computing.calibrating,
+    "posture": computing.posturing,
 }
-ON_ONE_CORE = {"planning": computing.planning, "calibration": computing.calibrating, "posture": computing.posturing}
+ON_ONE_CORE = ("planning", "calibration", "posture")
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m bench.speed", description=__doc__)
-    parser.add_argument("--parts", type=int, default=1000, help="of the batches")
-    parser.add_argument("--rows", nargs="+", choices=[*GROUPS, *ON_ONE_CORE], help="only these; no page is written")
-    parser.add_argument("--folder", type=Path, help="keep the recordings here for the next time (1 GB)")
-    parser.add_argument("--json", action="store_true", help=argparse.SUPPRESS)
-    given = parser.parse_args()
-    made, found = made_by(), list[Row]()
-    with tempfile.TemporaryDirectory() as scratch:
-        for name in given.rows or [*GROUPS, *ON_ONE_CORE]:
-            for row in measured(name, given.folder or Path(scratch), given.parts, given.json):
-                found.append(row)
-                print(json.dumps(asdict(row)) if given.json else f"| {' | '.join(row.cells)} |", flush=True)
-    if not given.rows:
-        put_into(PAGE, page(found, made))
+def measured(task: tuple[str, str, int]) -> list[Row]:
+    """Rows of a group; some keep to one core."""
+    name, folder, parts = task
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    make = partial(computing.batches, count=parts) if name == "batch" else GROUPS[name]
+    known = os.sched_getaffinity(0) if hasattr(os, "sched_setaffinity") else set()
+    if known and name in ON_ONE_CORE:
+        os.sched_setaffinity(0, {max(known)})
+    try:
+        return list(make(Path(folder)))
+    finally:
+        if known:
+            os.sched_setaffinity(0, known)
 
 
-def measured(name: str, folder: Path, parts: int, here: bool) -> Iterator[Row]:
-    """Rows of a group, here or in a process that keeps to one core."""
-    if name in GROUPS:
-        yield from (partial(computing.batches, count=parts) if name == "batch" else GROUPS[name])(folder)
-    elif here:
-        if hasattr(os, "sched_setaffinity"):
-            os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
-        yield from ON_ONE_CORE[name](folder)
-    else:
-        command = [sys.executable, "-m", "bench.speed", "--json", "--rows", name]
-        alone = {**os.environ, **dict.fromkeys(THREADS, "1")}
-        done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, env=alone, cwd=ROOT)
-        yield from (Row(**json.loads(line)) for line in done.stdout.splitlines())
-
-
-def page(found: Sequence[Row], made: str) -> str:
-    """What was run, on what machine, and the table: goals that are missed in bold."""
-    with_goal = [row for row in found if row.goal is not None]
-    known = versions()
+def report(found: Sequence[list[Row]], _: Namespace) -> Iterator[str]:
+    """On what machine, and the table: goals that are missed in bold."""
+    rows = [row for some in found for row in some]
+    with_goal, known = [row for row in rows if row.goal is not None], versions()
     packages = ", ".join(f"{name} {known[name]}" for name in ("numpy", "numba", "h5py", "open3d"))
-    told = f"`python -m bench.speed`{made}; medians of {REPEATS} unless a row says otherwise. {machine()}; {packages}."
+    yield f"Medians of {REPEATS} unless a row says otherwise. {machine()}; {packages}."
     met = f"{sum(row.met for row in with_goal)} of {len(with_goal)} goals are met; a result in bold misses its goal."
-    return "\n".join([told, "", met, "", *markdown(HEAD, (row.cells for row in found))])
+    yield from ("", met, "", *markdown(HEAD, (row.cells for row in rows)))
 
 
 def machine() -> str:
@@ -89,5 +69,20 @@ def machine() -> str:
     return ", ".join([*words, f"{platform.system()}, Python {platform.python_version()}"])
 
 
+STUDY = Study(
+    "speed",
+    str(__doc__),
+    {
+        "rows": Option(tuple(GROUPS), choices=GROUPS),
+        "parts": Option(1000, "of the batches"),
+        "folder": Option("out/speed", "where the recordings are kept for the next time (1 GB)", said=False),
+    },
+    lambda given: [(name, given.folder, given.parts) for name in given.rows],
+    measured,
+    report,
+    "benchmarks.md",
+    told=lambda rows: [f"| {' | '.join(row.cells)} |" for row in rows],
+    workers=1,
+)
 if __name__ == "__main__":
-    main()
+    STUDY()

@@ -1,5 +1,7 @@
 """A dask cluster on loopback: the same results; a worker that is killed loses nothing and does nothing twice."""
 
+import contextlib
+import json
 import os
 import signal
 import subprocess
@@ -12,7 +14,6 @@ from typing import Any
 
 import pytest
 
-from bench.harness import ROOT
 from workbench.batch import run_batch
 from workbench.errors import InputError
 
@@ -44,9 +45,7 @@ def test_parts_survive_the_death_of_a_worker(cluster: Any, pipeline: Path, recor
     out = tmp_path / "out"
 
     def kill_one() -> None:
-        until = time.monotonic() + 300
-        while len([*out.glob("*/run.json")]) < 2 and time.monotonic() < until:
-            time.sleep(0.05)
+        wait_for(lambda: len([*out.glob("*/run.json")]) >= 2)
         victim = next(iter(cluster.workers.values()))
         os.kill(victim.pid, signal.SIGKILL)
 
@@ -69,13 +68,56 @@ def test_parts_survive_the_death_of_a_worker(cluster: Any, pipeline: Path, recor
     assert not [*out.rglob(".*")]
 
 
+@contextlib.contextmanager
+def scheduler(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+    """A scheduler's address and process, with a worker."""
+    told = folder / "scheduler.json"
+    told.unlink(missing_ok=True)
+    where = ["--scheduler-file", str(told), "--no-dashboard"]
+    alone = ["--nthreads", "1", "--no-nanny", "--local-directory", str(folder)]
+    parts = {"scheduler": ["--host", "127.0.0.1", "--port", "0"], "worker": alone}
+    commands = ([sys.executable, "-m", f"distributed.cli.dask_{what}", *where, *more] for what, more in parts.items())
+    made = [subprocess.Popen(one, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) for one in commands]
+    try:
+        wait_for(told.exists)
+        yield json.loads(told.read_text())["address"], made[0]
+    finally:
+        for one in made:
+            one.kill()
+            one.wait()
+
+
+def wait_for(done: Callable[[], bool]) -> None:
+    until = time.monotonic() + 300
+    while not done() and time.monotonic() < until:
+        time.sleep(0.05)
+
+
 @pytest.mark.slow
-def test_a_batch_whose_scheduler_was_killed_is_told_in_one_line_and_carried_on() -> None:
-    """A worker is killed, then the scheduler: the batch ends; the same command does what is left, each part once."""
-    command = [sys.executable, "-m", "bench.kills.cluster", "--parts", "6"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout
-    assert "Traceback" not in done.stderr
+@pytest.mark.usefixtures("breaking")
+def test_a_batch_whose_scheduler_was_killed_is_told_in_one_line_and_carried_on(
+    pipeline: Path, record: Write, tmp_path: Path
+) -> None:
+    """The same command does what is left, each part once."""
+    paths, out = [record(f"part-{i}", "slow") for i in range(8)], tmp_path / "out"
+
+    def kill() -> None:
+        wait_for(lambda: len([*out.glob("*/run.json")]) >= 2)
+        process.kill()
+
+    with scheduler(tmp_path) as (address, process):
+        killer = threading.Thread(target=kill, daemon=True)
+        killer.start()
+        with pytest.raises(InputError, match="the scheduler is gone; the same command carries on"):
+            run_batch(pipeline, paths, str(out), scheduler=address)
+        killer.join()
+    done = {path: path.stat().st_mtime_ns for path in out.glob("*/run.json")}
+    assert 2 <= len(done) < len(paths)
+    with scheduler(tmp_path) as (address, _):
+        made = run_batch(pipeline, paths, str(out), scheduler=address)
+    assert [one.outcome for one in made.records] == ["passed"] * len(paths)
+    assert all(path.stat().st_mtime_ns == at for path, at in done.items())
+    assert not [*out.rglob(".*")]
 
 
 def test_no_scheduler_is_one_line(pipeline: Path, record: Write, tmp_path: Path, monkeypatch: Any) -> None:

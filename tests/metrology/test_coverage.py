@@ -89,7 +89,6 @@ ONCE_WRONG = {
     "an end lost over most of the edge": ("swept_raw_mixed", 5_250_005, "along_m_mm"),
     "a level that is not shifted": ("swept_raw_burr_in", 5_260_007, "along_m_mm"),
     "texture that is no roughness": ("swept_raw_mixed", 5_250_019, "axis_deg"),
-    "oblique frames on a rough face": ("raw_mixed", 5_270_036, "axis_deg"),
     "a change under a clamp": ("swept_mixed", 5_270_033, "root_mm"),
     "a level lost for a third of the edge": ("swept_lost_edge", 5_270_035, "root_mm"),
 }

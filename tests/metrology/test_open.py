@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.open import real
 from bench.open.rivals import FROZEN, NAMES, rival
 from bench.open.table import table
 from bench.open.tracks import SETS, TRACKS, arrays, drawn, entries, keys, rounds, truth, write
@@ -103,18 +102,3 @@ def test_kept_results_are_of_the_recordings_of_their_round() -> None:
 def test_what_is_declared_of_a_group_is_told(folder: Path) -> None:
     sharp = next(one for one in entries("hand_eye", "practice", "k") if one.simulator == "sections")
     assert drawn(sharp, folder).declared["kind"] == "sphere"
-
-
-def test_real_recordings_are_skipped_where_they_are_not(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert real.main(tmp_path) == 0
-    assert capsys.readouterr().out.count("skipped") == 2
-
-
-def test_real_recordings_are_held_against_what_their_references_tell(capsys: pytest.CaptureFixture[str]) -> None:
-    folder = Path(__file__).parents[3] / "shared" / "data"
-    if not (folder / real.GROOVE).exists():
-        pytest.skip("the real recordings are not here")
-    assert real.main(folder) == 0
-    told = capsys.readouterr().out
-    assert abs(float(told.split("off by ")[1].split(";")[0])) < 1.0  # of 12.7 mm
-    assert "skipped" not in told

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bench.speed import recordings
-from bench.speed.__main__ import page
+from bench.speed.__main__ import report
 from bench.speed.timing import Row, peak_gb
 from workbench.scan import read
 
@@ -18,8 +19,7 @@ def test_a_row_and_the_page() -> None:
     assert missed.cells == ["fuse; copy", "**0.5 of its speed**", "at least 0.8"]
     met = Row("an inspection report, processor time", 0.712, goal=1)
     assert met.cells == ["an inspection report, processor time", "0.712 s", "at most 1"]
-    text = page([missed, met, Row("something else", 1.0)], ", commit abc")
-    assert "`python -m bench.speed`, commit abc" in text
+    text = "\n".join(report([[missed, met], [Row("something else", 1.0)]], Namespace()))
     assert "1 of 2 goals are met" in text
     assert "| something else | 1 s |  |" in text
 

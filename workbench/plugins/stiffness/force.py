@@ -192,7 +192,7 @@ def _document(found: MillingForce, part: Part) -> bytes:
 # the thickest. Angle phi of a tooth counts from x towards y; it cuts from 0 to acos(1 - a_e / R).
 
 STEPS = 360  # of a revolution
-SLICES = 40  # of the axial depth
+SLICES = 40  # of the axial depth; of a tooth's way, by Gauss and Legendre, exact to rounding
 
 
 class Teeth(NamedTuple):
@@ -240,16 +240,10 @@ def milling_force(
         lag = np.tan(teeth.helix) * (np.arange(SLICES) + 0.5) * db / radius
         phi = (turned[:, None, None] - behind[:, None] - lag) % (2 * np.pi)
         step, j, i = np.nonzero(phi <= last)
-        sine, cosine = np.sin(phi[step, j, i]), np.cos(phi[step, j, i])
-        chip = np.min([m * feed * sine + offset[j] - offset[j - m] for m in tooth + 1], axis=0)
-        of = coefficients.table
-        tangential, inward, along = (chip > 0.0) * (of[:, :1] * chip + of[:, 1:]) * db
-        parts = (
-            tangential * sine - inward * cosine,
-            -tangential * cosine - inward * sine,
-            along,
-            tangential * radius / MM,
-        )
+        angle, of = phi[step, j, i], coefficients.table
+        chip = np.min([m * feed * np.sin(angle) + offset[j] - offset[j - m] for m in tooth + 1], axis=0)
+        on_edge = (chip > 0.0) * (of[:, :1] * chip + of[:, 1:]) * db
+        parts = np.einsum("pcn,cn->pn", _pushes(angle, radius), on_edge)
         force[:] = np.stack([np.bincount(step, part, steps) for part in parts], axis=1)
     return found
 
@@ -260,14 +254,15 @@ def mean_matrices(cutter: Cutter, entry: float, exit_: float, chip_mm: Shaped[Fl
     Averages of what `milling_force` adds up from `entry` to `exit_`, rad (Altintas 2012, section 2.8), at feeds per
     tooth `chip_mm` (k,), along y, or against it where the entry is negative (down-milling).
     """
-    p, q, c = entry, exit_, chip_mm if entry >= 0 else -chip_mm
-    sine, cosine, zero, one = np.cos(p) - np.cos(q), np.sin(q) - np.sin(p), 0.0 * c, np.ones_like(c)
-    square = (q - p) / 2 - (np.sin(2 * q) - np.sin(2 * p)) / 4
-    both, arm = (np.sin(q) ** 2 - np.sin(p) ** 2) / 2, cutter.diameter_mm / 2 / MM
-    rows = [
-        [c * square, -c * both, zero, sine * one, -cosine * one, zero],
-        [-c * both, -c * square, zero, -cosine * one, -sine * one, zero],
-        [zero, zero, c * sine, zero, zero, (q - p) * one],
-        [arm * c * sine, zero, zero, arm * (q - p) * one, zero, zero],
-    ]
-    return np.asarray(cutter.flutes / (2 * np.pi) * np.moveaxis(np.array(rows), -1, 0))
+    node, weight = np.polynomial.legendre.leggauss(SLICES)
+    phi, share = (entry + exit_ + (exit_ - entry) * node) / 2, cutter.flutes * (exit_ - entry) / (4 * np.pi) * weight
+    pushes, feed = _pushes(phi, cutter.diameter_mm / 2), chip_mm if entry >= 0 else -chip_mm
+    of_chip, of_edge = feed[:, None, None] * (pushes @ (share * np.sin(phi))), pushes @ share
+    return np.concatenate([of_chip, np.broadcast_to(of_edge, of_chip.shape)], axis=2)
+
+
+def _pushes(phi: Shaped[Float, " n"], radius_mm: float) -> Shaped[Float, "4 3 n"]:
+    """Force on the cutter and torque, Nm, by 1 N against an edge's motion, towards the axis and towards the tip."""
+    sine, cosine, none = np.sin(phi), np.cos(phi), np.zeros_like(phi)
+    rows = [[sine, -cosine, none], [-cosine, -sine, none], [none, none, none + 1], [none + radius_mm / MM, none, none]]
+    return np.array(rows)

@@ -124,6 +124,16 @@ class Rows:
         shared = tuple(one.only(keep) for one in self.shared if keep[one.rows].any())
         return replace(self, **parts, shared=shared)
 
+    def beside(self, change: Float, at: Float, u: Float) -> Rows:
+        """With q more unknowns `at` (q,), 0 but for their u (q,), that change the prediction by (n, d, q)."""
+        return replace(
+            self,
+            residual=self.residual - change @ at,
+            jacobian=np.concatenate([self.jacobian, change], axis=2),
+            prior=scipy.linalg.block_diag(self.prior, np.diag(u**-2.0)),
+            away=np.append(self.away, -at),
+        )
+
     def freedom(self, used: Bool) -> int:
         """Degrees of freedom of a fit to the observations `used` (n,)."""
         known = int(np.count_nonzero(np.diagonal(self.prior)))

@@ -13,9 +13,9 @@ from workbench.artefacts import Cutter
 from workbench.errors import InputError
 from workbench.plugins.stiffness import modes
 from workbench.plugins.stiffness.coefficients import CuttingCoefficients
-from workbench.plugins.stiffness.dynamics import _solid, bodies_of, mass_matrices
+from workbench.plugins.stiffness.dynamics import _solid, bodies_of, mass_matrix
 from workbench.plugins.stiffness.margins import Cuts, screen_limits, u_of_modes
-from workbench.plugins.stiffness.modes import UNKNOWNS, _Taps, at_posture, fitted, swings
+from workbench.plugins.stiffness.modes import _Taps, at_posture, fitted, swings
 from workbench.plugins.stiffness.tap_tests import TapTests, read_tap_tests
 from workbench.plugins.stiffness.values import CuttingProcess
 from workbench.robot import Shape, forward_kinematics, read_cell
@@ -52,34 +52,10 @@ def test_mass_matrix_is_pins(tmp_path: Path) -> None:
     model = pin.buildModelFromUrdf(str(tmp_path / "irb6700_150_320.urdf"))
     data = model.createData()
     q = np.random.default_rng(0).uniform(*cell.chain.limits.T, (20, 6))
-    ours = mass_matrices(cell.chain, cell.chain.bodies, q).sum(axis=0)
+    ours = mass_matrix(cell.chain, cell.chain.bodies, q)
     for k in range(20):
         upper = np.triu(pin.crba(model, data, q[k]))
         assert np.allclose(ours[k], upper + np.triu(upper, 1).T, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    "shape",
-    [("box", (300.0, 200.0, 100.0)), ("sphere", (80.0,)), ("cylinder", (60.0, 240.0)), ("capsule", (60.0, 240.0))],
-)
-def test_solids_are_what_points_in_them_are(shape) -> None:
-    kind, size = shape
-    rng = np.random.default_rng(0)
-    p = rng.uniform(-1, 1, (400_000, 3)) * 200
-    if kind == "box":
-        inside = (np.abs(p) < np.array(size) / 2).all(axis=1)
-    elif kind == "sphere":
-        inside = np.linalg.norm(p, axis=1) < size[0]
-    else:
-        over = np.maximum(np.abs(p[:, 2]) - size[1] / 2, 0.0)
-        flat = np.hypot(p[:, 0], p[:, 1])
-        inside = np.hypot(flat, over) < size[0] if kind == "capsule" else (flat < size[0]) & (over == 0)
-    got = p[inside] / 1e3
-    made = _solid(Shape("a", 1, kind, size, np.eye(4)))
-    square, inertia = got.T @ got / len(got), made.inertia / made.mass
-    assert made.mass == pytest.approx(inside.mean() * 0.4**3, rel=0.02)
-    assert np.allclose(inertia, np.trace(square) * np.eye(3) - square, atol=0.02 * inertia.max())
-    assert np.allclose(made.lever, 0)
 
 
 @pytest.mark.parametrize("sense", [1, -1])
@@ -89,7 +65,7 @@ def test_a_mesh_is_its_box(sense: int) -> None:
     triangles = np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))])
     mesh = _solid(Shape("a", 1, "mesh", (), np.eye(4), corners, triangles[:, ::sense]))
     box = _solid(Shape("a", 1, "box", (300.0, 200.0, 100.0), np.eye(4)))
-    assert mesh.mass == pytest.approx(box.mass)
+    assert mesh.mass == pytest.approx(box.mass) == 0.3 * 0.2 * 0.1
     assert np.allclose(mesh.lever, [0.150, 0.100, 0.050])
     assert np.allclose(mesh.inertia, box.inertia)
 
@@ -128,7 +104,7 @@ def tapped(cell, truth, seed: int, noise: float = 0.05, scale: float = 1.0, as_b
         inertia_kg_m2=bodies.inertia_kg_m2 * np.exp(as_built * rng.normal(0, 0.2, 6))[:, None, None],
     )
     other = dataclasses.replace(truth, bodies=laid)
-    value, _ = _Taps(cell.chain, other, tests, 1.0, np.ones(18), 0.0).compliance(np.zeros(UNKNOWNS))
+    value, _ = _Taps(cell.chain, other, tests, 1.0, np.ones(18), 0.0).compliance(np.zeros(47))
     heard = scale * np.exp(gain - 2j * np.pi * hz * late)
     return dataclasses.replace(tests, value=heard * (value + local) * blurred)
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-import scipy
 from pydantic import Field
 
 from workbench.api import (
@@ -88,12 +87,8 @@ class Posed:
         moved = dataclasses.replace(self.seen, flange=dataclasses.replace(self.seen.here, base_from_flange=poses))
         linear = linearise(at.estimate, moved, self.noise)
         ball = rows_of(linear, moved, self.noise, at.estimate)
-        return dataclasses.replace(
-            ball,
-            jacobian=np.concatenate([ball.jacobian, linear.by_pose @ by_errors], axis=2),
-            prior=scipy.linalg.block_diag(ball.prior, np.diag(self.arm.prior**-2)),
-            away=np.concatenate([ball.away, -at.errors]),
-        )
+        built = ball.beside(linear.by_pose @ by_errors, at.errors, self.arm.prior)
+        return dataclasses.replace(built, residual=ball.residual)  # of the poses as they are moved
 
     def moved(self, at: Together, step: Float) -> Together:
         """Steps in the order of the unknowns."""

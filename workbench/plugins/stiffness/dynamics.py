@@ -102,22 +102,21 @@ def _solid(shape: Shape) -> Any:
     return pin.SE3(shape.pose[:3, :3], shape.pose[:3, 3] / MM).act(own)
 
 
-def mass_matrices(chain: Chain, bodies: Bodies, joints: Shaped[Float, "k 6"]) -> Shaped[Float, "6 k 6 6"]:
-    """What each link adds to the mass matrix about the joints, kg m^2."""
+def mass_matrix(chain: Chain, bodies: Bodies, joints: Shaped[Float, "k 6"]) -> Shaped[Float, "k 6 6"]:
+    """Of the links about the joints, kg m^2."""
     axes, points = joint_axes(chain, joints)
     moved = motions(chain, joints)
-    made = np.zeros((6, len(joints), 6, 6))
+    whole = np.zeros((len(joints), 6, 6))
     for link in range(6):
         at = moved[:, link + 1]
-        centre = mapped(at, bodies.centre_mm[link])
-        slope = jacobian_at(axes, points, centre)
+        slope = jacobian_at(axes, points, mapped(at, bodies.centre_mm[link]))
         slope[:, :3] /= MM
         slope[:, :, link + 1 :] = 0.0
-        inertia = at[:, :3, :3] @ bodies.inertia_kg_m2[link] @ np.swapaxes(at[:, :3, :3], 1, 2)
-        linear, turning = slope[:, :3], slope[:, 3:]
-        made[link] = bodies.mass_kg[link] * np.swapaxes(linear, 1, 2) @ linear
-        made[link] += np.swapaxes(turning, 1, 2) @ inertia @ turning
-    return made
+        inertia = np.zeros((len(joints), 6, 6))
+        inertia[:, :3, :3] = bodies.mass_kg[link] * np.eye(3)
+        inertia[:, 3:, 3:] = at[:, :3, :3] @ bodies.inertia_kg_m2[link] @ np.swapaxes(at[:, :3, :3], 1, 2)
+        whole += np.swapaxes(slope, 1, 2) @ inertia @ slope
+    return whole
 
 
 def at_tool(
@@ -140,7 +139,7 @@ def at_tool(
         wrench = np.concatenate([force_n, np.zeros_like(force_n)], axis=1)
         own = geometric_stiffness(jacobian_derivative(axes, slope), wrench)
         springs = springs - (own + np.swapaxes(own, 1, 2)) / 2
-    root = np.linalg.cholesky(mass_matrices(chain, modes.bodies, joints).sum(axis=0))
+    root = np.linalg.cholesky(mass_matrix(chain, modes.bodies, joints))
     back = np.linalg.inv(root)
     over = np.swapaxes(back, 1, 2)
     squared, shapes = np.linalg.eigh(back @ springs @ over)

@@ -56,7 +56,7 @@ class Equations:
 
     def residual(self, compliance: Float) -> Float:
         """Measured less modelled (L, r); 0 where nothing was seen."""
-        return np.asarray((self.y - self.predicted(compliance)) * self.seen)
+        return (self.y - self.predicted(compliance)) * self.seen
 
 
 def equations(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Equations:
@@ -124,7 +124,7 @@ def displaced(
         return way(chain, joints, dq, setup.flange_from_tool[:3, 3])
     moved = (forward_kinematics(chain, joints + dq) - flange)[:, :3]
     ends = np.column_stack([setup.targets_mm[: tests.points], np.ones(tests.points)])
-    return np.asarray(np.swapaxes(moved @ ends.T, 1, 2).reshape(len(joints), -1))
+    return np.swapaxes(moved @ ends.T, 1, 2).reshape(len(joints), -1)
 
 
 def covariances(eq: Equations, compliance: Float) -> Float:
@@ -153,7 +153,7 @@ class Loading:
 
     def observed(self, rows: Float) -> Float:
         """What rows (L, r, ...) say of each observation (n, d, ...)."""
-        return np.asarray(self._points(rows)[self.load, self.point])
+        return self._points(rows)[self.load, self.point]
 
     def rows(self, at: Float) -> estimator.Rows:
         """What the wrench's noise does through the joints follows the estimate."""
@@ -163,11 +163,9 @@ class Loading:
         alone = noise[:, :, None] ** 2 * np.eye(d)
         shared = estimator.Shared(np.arange(n), alone, own, self.load, np.zeros(n), len(eq.y), np.zeros((n, d, 0)))
         covariance, values = alone + own @ np.swapaxes(own, 1, 2), np.full(n, float(d))
-        residual = self.observed(eq.residual(at[:6])) - self.directions @ at[6:]
-        jacobian = np.concatenate([self.observed(eq.a), self.directions], axis=2)
-        prior = np.diag(np.concatenate([np.zeros(6), self.u**-2.0]))
-        away = np.concatenate([np.zeros(6), -at[6:]])
-        return estimator.Rows(residual, jacobian, covariance, values, prior, away, (shared,))
+        residual, none = self.observed(eq.residual(at[:6])), np.zeros((6, 6))
+        springs = estimator.Rows(residual, self.observed(eq.a), covariance, values, none, none[0], (shared,))
+        return springs.beside(self.directions, at[6:], self.u)
 
     def moved(self, at: Float, step: Float) -> Float:
         """Loads that contradict each other make joints softer than any robot's: their balance would run away."""

@@ -215,7 +215,7 @@ def _channels(path: Path, forces: Forces) -> Float:
         raise InputError(str(path), f"expected the channels Fx, Fy and Fz, found {', '.join(forces.channel)}") from None
     if any(forces.unit[k] != "N" for k in at):
         raise InputError(str(path), "expected forces in N, found volts: apply the amplifier's scale when exporting")
-    return np.asarray(forces.value[:, at])
+    return forces.value[:, at]
 
 
 def _check_clipped(path: Path, value: Float) -> None:
@@ -311,7 +311,7 @@ def _turns(axes: Sequence[str] | None) -> list[Float]:
 
 def mean_matrix(cut: Cutting, per_tooth_mm: float) -> Float:
     """(3, 6): mean force over a turn, linear in the coefficients, in the axes of `force.milling_force`."""
-    return np.asarray(cut.axial_mm * mean_matrices(cut.cutter, *cut.angles, np.array([per_tooth_mm]))[0, :3])
+    return cut.axial_mm * mean_matrices(cut.cutter, *cut.angles, np.array([per_tooth_mm]))[0, :3]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -336,13 +336,12 @@ class _Means:
         slope = np.concatenate([*causes, ZERO_U_N * every, worn], axis=2)
         u = np.full(slope.shape[2], max(self.as_built_u, LEAST))
         u[4] = 1.0
-        left = self.mean_n - self.lost_n - ideal - slope @ at[6:]
-        prior, away = np.diag(np.append(np.zeros(6), u**-2.0)), np.append(np.zeros(6), -at[6:])
-        jacobian = np.concatenate([self.matrix, slope], axis=2)
-        return estimator.Rows(left, jacobian, self.covariance, np.full(n, 3.0), prior, away)
+        left, known = self.mean_n - self.lost_n - ideal, np.zeros((6, 6))
+        means = estimator.Rows(left, self.matrix, self.covariance, np.full(n, 3.0), known, known[0])
+        return means.beside(slope, at[6:], u)
 
     def moved(self, at: Float, step: Float) -> Float:
-        return np.asarray(at + step)
+        return at + step
 
 
 def _fitted(
@@ -398,7 +397,7 @@ def _run_out(tried: Tried, recorded: Sequence[Recorded], per_tooth: Float, cut: 
     def through(c: float, size: float, angle: float) -> Float:
         feed, radial, axial = (np.array([one]) for one in (c, radial_mm, cut.axial_mm))
         turn = milling_force(of, cut.cutter, feed, radial, axial, Teeth(helix, size, angle))[0, :, :3]
-        return np.asarray(turn * np.where(down, DOWN, 1.0))
+        return turn * np.where(down, DOWN, 1.0)
 
     def line(c: float, size: float, angle: float) -> float:
         turn = through(c, size, angle)

@@ -13,7 +13,6 @@ from workbench.api import (
     NO_NAMES,
     UNKNOWN_PART,
     AnyArray,
-    Bodies,
     Cell,
     Chain,
     Chapter,
@@ -29,7 +28,7 @@ from workbench.api import (
     pieces,
     stage,
 )
-from workbench.plugins.stiffness.dynamics import at_tool, bodies_of, mass_matrices
+from workbench.plugins.stiffness.dynamics import at_tool, bodies_of, mass_matrix
 from workbench.plugins.stiffness.elastic import MM
 from workbench.plugins.stiffness.stability import Dynamics
 from workbench.plugins.stiffness.tap_tests import TapTests, read_tap_tests
@@ -48,8 +47,7 @@ CENTRE_U_MM, INERTIA_U = 30.0, 0.2  # of each link's centre of mass, along each 
 LOCAL_U_M_N = 1e-8  # what gives beside the joints, along each axis of the forces
 GAIN_U, DELAY_U_S = 0.03, 1e-4  # of hammer and pick-up together; of one against the other
 LEAST = 1e-3  # of these, for a robot that is exactly as stated
-JOINTS, LAYOUT = 18, 42  # unknowns up to the joints' and the links', of the latter three a centre, then the inertias
-UNKNOWNS = LAYOUT + 5  # with those of `LOCAL_U_M_N`, gain and delay
+JOINTS, LINKS, BESIDE = 18, 42, 5  # unknowns up to the joints' and the links'; beside: local give, gain, delay
 SCALES = {1e3: "in 1/mm or mm", 1e-3: "in mm, not m", 9.80665: "in g, not m/s2", 1 / 9.80665: "in g, not m/s2"}
 
 
@@ -143,14 +141,14 @@ def at_posture(cell: Cell, modes: RobotModes, joints: Float) -> Dynamics:
 
 
 class _Taps:
-    """The estimator's instrument: logarithms of compliances, whose noise is even; by the logarithms of parameters."""
+    """The estimator's instrument: logarithms of compliances, whose noise is even; by unknowns in units of their u."""
 
     def __init__(
         self, chain: Chain, start: RobotModes, tests: TapTests, relative_u: float, prior: Float, as_built_u: float
     ) -> None:
-        """`prior`: standard uncertainties (18,); as_built_u: likewise of all other unknowns, in units of each."""
+        """`prior`: standard uncertainties (18,) of the joints'; as_built_u: likewise of all other unknowns."""
         self.chain, self.start, self.tests, self.relative_u = chain, start, tests, relative_u
-        self.prior = np.append(prior, np.full(UNKNOWNS - JOINTS, max(as_built_u, LEAST)))
+        self.prior = np.append(prior, np.full(LINKS + BESIDE - len(prior), max(as_built_u, LEAST)))
         flange = forward_kinematics(chain, tests.joints)[:, :3, :3]
         turn = np.where(tests.in_flange[:, None, None], flange, np.eye(3))
         linear = np.array([jacobian(chain, q, at)[:3] for q, at in zip(tests.joints, tests.point_mm, strict=True)]) / MM
@@ -160,56 +158,49 @@ class _Taps:
         self.slopes = np.einsum("nar,nri->nai", inside, linear[tests.posture])
 
     def robot(self, at: Float) -> RobotModes:
-        """With the parameters (47,) of its joints and links."""
+        """With the unknowns (42,) of its joints and links, and what stands beside these."""
+        centres, inertias = np.split(at[JOINTS:LINKS].reshape(-1, 6), [3])
         now = self.start.moved(at[:JOINTS])
-        return replace(now, bodies=_laid(now.bodies, at[JOINTS:LAYOUT]))
+        centre = now.bodies.centre_mm + CENTRE_U_MM * centres.T
+        inertia = now.bodies.inertia_kg_m2 * np.exp(INERTIA_U * inertias[0])[:, None, None]
+        return replace(now, bodies=replace(now.bodies, centre_mm=centre, inertia_kg_m2=inertia))
+
+    def _mechanics(self, at: Float) -> Float:
+        """Mass, damping and stiffness about the joints, of each posture in a row (p, 3 * 6 * 6)."""
+        now, parts = self.robot(at), np.zeros((len(self.tests.joints), 3, 6, 6))
+        parts[:, 0] = mass_matrix(self.chain, now.bodies, self.tests.joints)
+        parts[:, 1], parts[:, 2] = np.diag(now.damping), np.diag(now.nm_per_rad)
+        return parts.reshape(len(parts), -1)
 
     def compliance(self, at: Float) -> tuple[AnyArray, AnyArray]:
-        """Complex (n,), m/N, and its derivative by the parameters of joints and links (n, 42)."""
-        now = self.robot(at)
-        parts = mass_matrices(self.chain, now.bodies, self.tests.joints)
-        mass = parts.sum(axis=0)[self.tests.posture]
-        w = (2 * np.pi * self.tests.hz)[:, None]
-        whole = -(w[..., None] ** 2) * mass + np.diag(now.nm_per_rad) + 1j * w[..., None] * np.diag(now.damping)
-        moved = np.linalg.solve(whole, np.swapaxes(self.slopes, 1, 2).astype(complex))  # (n, 6, 2)
-        to, by = moved[..., 0], moved[..., 1]
-        steps = STEP * np.eye(LAYOUT - JOINTS)
-        other = [mass_matrices(self.chain, _laid(now.bodies, one), self.tests.joints) for one in steps]
-        every = [*parts, *((one - parts).sum(axis=0) / STEP for one in other)]
-        moves = [w[:, 0] ** 2 * np.einsum("ni,nij,nj->n", to, part[self.tests.posture], by) for part in every]
-        by_mass, by_links = np.split(np.stack(moves, axis=1), [6], axis=1)
-        change = (-now.nm_per_rad * to * by, by_mass, -1j * w * now.damping * to * by, by_links)
-        return np.einsum("ni,ni->n", self.slopes[:, 0], by), np.concatenate(change, axis=1)
+        """Complex (n,), m/N, and its derivative (n, 42) by the unknowns of joints and links."""
+        posture, swing = self.tests.posture, 2j * np.pi * self.tests.hz
+        powers = np.stack([swing**2, swing, np.ones_like(swing)], axis=1)
+        parts = self._mechanics(at).reshape(-1, 3, 6, 6)[posture]
+        whole = np.einsum("nm,nmij->nij", powers, parts)
+        to, by = np.moveaxis(np.linalg.solve(whole, np.swapaxes(self.slopes, 1, 2).astype(complex)), 2, 0)
+        moves = np.einsum("nm,ni,nj->nmij", powers, to, by).reshape(len(to), -1)
+        slope = estimator.jacobian_of(lambda step: self._mechanics(at[:LINKS] + step), np.full(LINKS, STEP))
+        change = np.zeros((len(to), LINKS), complex)
+        for k, of_posture in enumerate(slope):
+            change[posture == k] = -moves[posture == k] @ of_posture
+        return np.einsum("ni,ni->n", self.slopes[:, 0], by), change
 
     def rows(self, at: Float) -> estimator.Rows:
         tests = self.tests
         value, change = self.compliance(at)
-        local, delay = LOCAL_U_M_N * tests.to * tests.by, -2j * np.pi * tests.hz * DELAY_U_S
-        value = value + local @ at[LAYOUT : LAYOUT + 3]
-        heard = np.column_stack([np.full(len(value), GAIN_U), delay])
-        off = np.log(tests.value / value) - heard @ at[LAYOUT + 3 :]
-        slope = np.concatenate([np.column_stack([change, local]) / value[:, None], heard], axis=1)
+        heard = np.full(len(value), GAIN_U), -2j * np.pi * tests.hz * DELAY_U_S
+        beside = np.column_stack([LOCAL_U_M_N * tests.to * tests.by / value[:, None], *heard])
+        parts = np.column_stack([np.log(tests.value / value), change / value[:, None], beside])
+        off, slope, more = np.split(np.stack([parts.real, parts.imag], axis=1), [1, 1 + LINKS], axis=2)
         size = np.abs(tests.value)
         u2 = self.relative_u**2 + (FLOOR * np.median(size) * self.relative_u / size) ** 2
-        return estimator.Rows(
-            residual=np.stack([off.real, off.imag], axis=1),
-            jacobian=np.stack([slope.real, slope.imag], axis=1),
-            covariance=u2[:, None, None] * np.eye(2),
-            values=np.full(len(size), 2.0),
-            prior=np.diag(1 / self.prior**2),
-            away=-at,
-        )
+        covariance, known = u2[:, None, None] * np.eye(2), np.diag(self.prior[:LINKS] ** -2)
+        of_robot = estimator.Rows(off[..., 0], slope, covariance, np.full(len(size), 2.0), known, -at[:LINKS])
+        return of_robot.beside(more, at[LINKS:], self.prior[LINKS:])
 
     def moved(self, at: Float, step: Float) -> Float:
-        return np.asarray(np.clip(at + step, -4.0, 4.0))
-
-
-def _laid(bodies: Bodies, unknowns: Float) -> Bodies:
-    """With other centres and inertias of the links, by unknowns (24,)."""
-    centre = bodies.centre_mm + CENTRE_U_MM * unknowns[:18].reshape(6, 3)
-    return replace(
-        bodies, centre_mm=centre, inertia_kg_m2=bodies.inertia_kg_m2 * np.exp(INERTIA_U * unknowns[18:])[:, None, None]
-    )
+        return np.clip(at + step, -4.0, 4.0)
 
 
 def fitted(chain: Chain, start: RobotModes, tests: TapTests, relative_u: float, as_built_u: float = 1.0) -> RobotModes:
@@ -218,15 +209,14 @@ def fitted(chain: Chain, start: RobotModes, tests: TapTests, relative_u: float, 
     Raises:
         InputError: the model does not fit the responses; stiffness that contradicts the stated one.
     """
-    mass = mass_matrices(chain, start.bodies, tests.joints).sum(axis=0)
-    inertia = np.einsum("kii->i", mass) / len(mass)
+    inertia = np.einsum("kii->i", mass_matrix(chain, start.bodies, tests.joints)) / len(tests.joints)
     dampers = 2 * start.damping[0] * np.sqrt(start.nm_per_rad * inertia)
-    begun = replace(start, damping=dampers, covariance=np.zeros((18, 18)))
+    begun = replace(start, damping=dampers, covariance=np.zeros((JOINTS, JOINTS)))
     u = np.sqrt(np.diag(start.covariance))
     prior = np.concatenate([u[:12], np.full(6, FLAT)])
     calm = _Taps(chain, begun, tests, 10 * relative_u, prior, as_built_u)  # far from the answer, resonances mislead
     _check_scale(calm, tests)
-    near = estimator.fit(calm, np.zeros(UNKNOWNS))
+    near = estimator.fit(calm, np.zeros(len(calm.prior)))
     taps = _Taps(chain, begun, tests, relative_u, prior, as_built_u)
     found = estimator.fit(taps, near.at)
     if not np.isfinite(found.chi2) or found.misfit > TOO_MUCH:
@@ -257,7 +247,7 @@ def fitted(chain: Chain, start: RobotModes, tests: TapTests, relative_u: float, 
 
 def _check_scale(taps: _Taps, tests: TapTests) -> None:
     """Refuse responses in other units: their size below the resonances is known from the stiffness."""
-    value, _ = taps.compliance(np.zeros(UNKNOWNS))
+    value, _ = taps.compliance(np.zeros(len(taps.prior)))
     ratio = float(np.exp(np.median(np.log(np.abs(tests.value) / np.abs(value)))))
     for scale, words in SCALES.items():
         if abs(np.log(ratio / scale)) < 0.5 * abs(np.log(scale)) and abs(np.log(ratio)) > np.log(4.0):

@@ -20,7 +20,7 @@ from workbench.plugins.stiffness.values import LoadingTests
 SURE_SIGMAS = 4.0  # by which a cause is beyond what was stated of it: of 60 causes one in 260 sound sets has one
 MOST_CAUSES, TOLD = 8, 3
 CHANCE = 1e-3  # that sound loads count as lacking fit
-RANK = 1e-6  # singular values of the wrenches below this share are none
+RANK = 1e-6  # share of the information below which there is none
 STEP = 1e-3  # of each cause's unit, for its direction
 FEW = 4  # loads of a posture, from which on it may be off by itself
 AXES = "xyz"
@@ -208,22 +208,18 @@ def _repeated(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]
     """
     chi2, freedom, rank = 0.0, 0, 0
     scale = np.maximum(np.abs(tests.wrench).max(axis=0), 1e-12)
-    postures = np.unique(np.round(tests.joints, 9), axis=0, return_inverse=True)[1].reshape(-1)
-    for posture in np.unique(postures[loading.load[found.used]]):
-        here = found.used & (postures[loading.load] == posture)
-        loads, load = np.unique(loading.load[here], return_inverse=True)
-        u, s, _ = np.linalg.svd(tests.wrench[loads] / scale, full_matrices=False)
-        basis = u[load][:, s > RANK * s[0]]
-        points, point = np.unique(loading.point[here], return_inverse=True)
-        residual = found.rows.residual[here][..., None]
-        linear = np.einsum("nb,np,ij->nibpj", basis, np.eye(len(points))[point], np.eye(residual.shape[1]))
-        linear = linear.reshape(*residual.shape[:2], -1)
-        joined = found.rows.only(here).product(np.concatenate([residual, linear], axis=2))
-        square = np.diagonal(joined)[1:]
-        size = np.divide(1.0, np.sqrt(square), out=np.zeros_like(square), where=square > 0.0)
-        own, across = size[:, None] * joined[1:, 1:] * size, joined[0, 1:] * size
-        chi2 += float(joined[0, 0] - across @ np.linalg.pinv(own, rcond=RANK, hermitian=True) @ across)
-        rank += int(np.linalg.matrix_rank(own, RANK, hermitian=True))
+    wrench, of_point = (tests.wrench / scale)[loading.load], np.eye(max(tests.points, 1))[loading.point]
+    postures = np.unique(np.round(tests.joints, 9), axis=0, return_inverse=True)[1].reshape(-1)[loading.load]
+    for posture in np.unique(postures[found.used]):
+        here = found.used & (postures == posture)
+        residual = found.rows.residual[here]
+        linear = np.einsum("nb,np,ij->nibpj", wrench[here], of_point[here], np.eye(residual.shape[1]))
+        columns = np.concatenate([linear.reshape(*residual.shape, -1), residual[..., None]], axis=2)
+        joined = found.rows.only(here).product(columns)
+        normal = estimator.Normal(joined[:-1, :-1], joined[:-1, -1], float(joined[-1, -1]), 0.0)
+        size = np.sqrt(np.maximum(np.diagonal(normal.information), 1e-12))
+        chi2 += normal.chi2 - float(normal.side @ normal.step())
+        rank += int(np.linalg.matrix_rank(normal.information / np.outer(size, size), RANK, hermitian=True))
         freedom += int(found.rows.values[here].sum())
     return chi2, freedom - rank, rank
 

@@ -31,7 +31,6 @@ from workbench.api import (
     rotation_from_vector,
     stage,
 )
-from workbench.plugins.calibration.circles import STEEP
 from workbench.plugins.calibration.model import POSE, Estimate, Noise, Sphere, linearise, volume_weight
 from workbench.plugins.calibration.observations import Observations, by_pass, from_arrays
 from workbench.plugins.calibration.tables import POSE as POSE_COLUMNS
@@ -56,15 +55,6 @@ class Limits:
     middle_mm: tuple[float, float]  # of the view: x, z
     half_mm: tuple[float, float]  # half its width and height
     off_plane: tuple[float, float] = (0.3, 0.7)  # |y| of the sphere's centre, in radii: beyond, an error may miss it
-
-
-@dataclass(frozen=True)
-class Optics:
-    """What decides how well a circle is fitted."""
-
-    noise_mm: float  # of a point along z, correlation of neighbours included
-    pitch_mm: float  # between columns
-    sense: int  # of z across the arc, as in SphereProfiles
 
 
 def candidate_postures(limits: Limits, estimate: Estimate, count: int, rng: np.random.Generator) -> tuple[Float, Float]:
@@ -93,23 +83,15 @@ def poses(limits: Limits, estimate: Estimate, tilt: Float, roll: Float, centre: 
 
 
 def information_gains(
-    base_from_flange: Float, centre: Float, estimate: Estimate, noise: Noise, optics: Optics
+    base_from_flange: Float, centre: Float, estimate: Estimate, noise: Noise, profiles: SphereProfiles
 ) -> Float:
-    """Information (c, 10, 10) that each posture adds."""
+    """Information (c, 10, 10) that each posture adds: its circle is as sure as the one seen of the nearest size."""
     w = estimate.radius_mm**2 - centre[:, 1] ** 2
+    alike = np.abs(w[:, None] - profiles.circle[:, 2]).argmin(axis=1)
     circle = np.stack([centre[:, 0], centre[:, 2], w], axis=1)
-    linear = linearise(estimate, from_arrays(circle, circle_covariance(w, optics), base_from_flange), noise)
+    linear = linearise(estimate, from_arrays(circle, profiles.covariance[alike], base_from_flange), noise)
     J = linear.jacobian
     return np.asarray(np.swapaxes(J, 1, 2) @ np.linalg.solve(linear.covariance, J))
-
-
-def circle_covariance(w: Float, optics: Optics) -> Float:
-    """Covariance (c, 3, 3) of (x_c, z_c, w) of circles of squared radius w (c,): all columns of the arc return."""
-    u = np.linspace(-STEEP, STEEP, 123)[1::2]  # middles of as many stretches of the arc
-    r, q = np.sqrt(w)[:, None], np.sqrt(1 - u**2)
-    row = np.stack(np.broadcast_arrays(u / q, np.ones(61), optics.sense / (2 * r * q)), axis=-1)
-    information = (2 * STEEP / optics.pitch_mm / 61) * np.einsum("cx,cki,ckj->cij", r, row, row)
-    return np.asarray(np.linalg.inv(information) * optics.noise_mm**2)
 
 
 def determinant(information: Float) -> Float:
@@ -125,7 +107,7 @@ def chosen_postures(gain: Float, start: Float, count: int) -> Int:
         return chosen(lambda taken: _best(gain, start, taken), lambda taken: len(taken) == count, exchanges)
 
     found = np.array(of(gain, EXCHANGES))
-    return np.asarray(found[of(gain[found], 0)])
+    return found[of(gain[found], 0)]
 
 
 def _best(gain: Float, start: Float, taken: list[int]) -> int:
@@ -189,14 +171,13 @@ def plan(
     """
     estimate, noise = estimate_of(calibration), calibration.noise
     limits = _limits(calibration, recording, (cone_deg, roll_deg), (half_width_mm, half_height_mm))
-    optics = optics_of(profiles, recording)
     seen = seen_again(calibration, profiles, recording).subset(calibration.used)
     known = Sphere(seen, noise).rows(estimate).normal().information
     flange, centre = candidate_postures(limits, estimate, CANDIDATES, np.random.default_rng(seed))
     if cell is not None:
         reached = _reached(cell, flange)
         flange, centre = flange[reached], centre[reached]
-    gain = information_gains(flange, centre, estimate, noise, optics)
+    gain = information_gains(flange, centre, estimate, noise, profiles)
     which = chosen_postures(gain, known, postures)
     weight = volume_weight(estimate.rotation, calibration.view)
     totals = known + np.concatenate([np.zeros((1, 10, 10)), np.cumsum(gain[which], axis=0)])
@@ -228,13 +209,6 @@ def seen_again(calibration: Calibration, profiles: SphereProfiles, recording: Re
     """Circles joined with the flange's poses, by the scales and the clock that the calibration has found."""
     seen = by_pass(rescaled(profiles, recording, sensor_of(calibration.hand_eye)), recording)
     return seen.place(calibration.time_offset_s or 0.0)
-
-
-def optics_of(profiles: SphereProfiles, recording: Recording) -> Optics:
-    """Noise and pitch as the recording shows them."""
-    pitch = float(np.nanmedian(np.abs(np.diff(recording.x_mm, axis=1))))
-    shared = float(np.sqrt((1 + profiles.correlation) / (1 - profiles.correlation)))
-    return Optics(profiles.noise_mm * shared, pitch, profiles.sense)
 
 
 def _limits(

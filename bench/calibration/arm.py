@@ -41,10 +41,10 @@ class Arm:
     x: Float  # (P,)
 
 
-def draw(rng: np.random.Generator) -> Arm:
-    """A robot built as its priors say."""
+def draw(rng: np.random.Generator, tilt: float = 0.0) -> Arm:
+    """A robot built as its priors say, its axes' tilts among them where their u, rad, is above 0."""
     chain = read_cell(CELL).chain
-    errors = arm_errors(chain)
+    errors = arm_errors(chain, tilt=tilt)
     return Arm(chain, errors, rng.normal(size=len(errors)) * errors.prior)
 
 
@@ -122,10 +122,10 @@ def bound(predict: Callable[[Float], Float], scale: Float, covariance: list[Floa
     return np.asarray(size_of[:, None] * np.linalg.inv(size_of[:, None] * information * size_of) * size_of)
 
 
-def one_tracked(seed: int) -> tuple[Float, Float, Float]:
+def one_tracked(seed: int, tilt: float = 0.0) -> tuple[Float, Float, Float]:
     """Errors (P,) of the arm's parameters, their stated covariance and the bound."""
     rng = np.random.default_rng([seed, 0x7AC])
-    arm = draw(rng)
+    arm = draw(rng, tilt)
     joints, places, frame = tracked(rng, arm)
     each = np.repeat(joints, 3, axis=0)
     target = np.tile(np.arange(3), len(joints))
@@ -154,10 +154,10 @@ def one_tracked(seed: int) -> tuple[Float, Float, Float]:
     )
 
 
-def one_sphere(seed: int) -> tuple[Float, Float, Float]:
+def one_sphere(seed: int, tilt: float = 0.0) -> tuple[Float, Float, Float]:
     """The same for a sphere; before the arm's parameters the hand-eye pose (6): translation, rotation."""
     rng = np.random.default_rng([seed, 0x5F])
-    arm = draw(rng)
+    arm = draw(rng, tilt)
     joints, recorded, centre, ball = sphere(rng, arm)
     circle, spread = circles_of(rng, centre, RADIUS_MM)
     noise = Noise(POSE_MM, POSE / DEG, RADIUS_MM, 0.05)

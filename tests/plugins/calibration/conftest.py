@@ -10,11 +10,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bench.calibration.faces import TRUE, built
+from bench.drawn.spheres import random_sphere_recipe
 from workbench.api import Recording, pose_from
+from workbench.synthetic import SphereTruth, parse_sphere_recipe, simulate_sphere
 
 RADIUS = 5.0
 COLUMNS, PITCH_MM = 1200, 0.05  # of a profile
-MARGIN_S, POSE_MM, POSE_DEG = 0.3, 0.07, 0.01  # of a scan: poses before and after it, their noise
 CENTER = np.array([1890.33, 241.48, 1079.72])
 NOMINAL = Rotation.from_euler("ZYX", [20.0, 65.0, 10.0], degrees=True)
 
@@ -99,79 +100,9 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(7)
 
 
-@dataclass
-class Scan:
-    """One scan: the flange's true motion p(t), t in [0, seconds], sphere centre along `path` in the profiler frame."""
-
-    turn: Any  # (3, 3) flange orientation
-    start: Any  # (3,) sphere centre in the profiler frame
-    end: Any
-    seconds: float = 1.0
-    weave_deg: float = 0.0  # amplitude of a swing about two axes, once and twice a scan
-
-
-def scan_motion(scan: Scan, time: Any) -> tuple[Any, Any]:
-    """True flange orientations (k, 3, 3) and positions (k, 3) at times (k,); the motion goes on beyond its ends."""
-    phase = 2 * np.pi * time[:, None] / scan.seconds
-    swing = np.radians(scan.weave_deg) * (np.sin(2 * phase) * [0.3, 0.4, 0.87] + np.sin(phase + 1) * [0.0, 0.9, -0.4])
-    turn = scan.turn @ Rotation.from_rotvec(swing).as_matrix()
-    f = (time / scan.seconds)[:, None]
-    centre = (1 - f) * scan.start + f * scan.end
-    if scan.weave_deg:  # sideways too
-        centre = centre + 4.0 * np.sin(2 * np.pi * f * 1.5) * [1.0, 0.0, 1.0]
-    flange = centre @ TRUE[:3, :3].T + TRUE[:3, 3]
-    return turn, CENTER - (turn @ flange[..., None])[..., 0]
-
-
-def scan_recording(
-    rng: np.random.Generator,
-    scans: Any,
-    offset_s: float = 0.0,
-    own: bool = True,
-    frames: int = 50,
-    rate_hz: float = 25.0,
-    design: Any = TRUE,
-) -> Recording:
-    """A calibration recording of scans over the sphere, poses at `rate_hz`, profiles on a clock ahead by `offset_s`."""
-    grids: list[tuple[Any, Any]] = []
-    said, of_frames, of_poses = [], [], []
-    for number, scan in enumerate(scans):
-        time = np.linspace(0, scan.seconds, frames)
-        turn, position = scan_motion(scan, time)
-        centre = np.einsum("kji,kj->ki", turn, CENTER - position)
-        centre = (centre - TRUE[:3, 3]) @ TRUE[:3, :3]
-        blind = np.zeros(COLUMNS), np.full(COLUMNS, np.nan)
-        grids += [profile(rng, c) if abs(c[1]) < RADIUS - 0.05 else blind for c in centre]
-        poses = np.arange(-MARGIN_S, scan.seconds + MARGIN_S + 1e-9, 1 / rate_hz)
-        turn, position = scan_motion(scan, poses)
-        noisy = Rotation.from_matrix(turn) * Rotation.from_rotvec(rng.normal(0, np.radians(POSE_DEG), (len(poses), 3)))
-        said.append(pose_from(noisy.as_matrix(), position + rng.normal(0, POSE_MM, position.shape)))
-        begin = 10.0 * number
-        of_frames.append((begin + time + offset_s, np.full(frames, number)))
-        of_poses.append((begin + poses, np.full(len(poses), number)))
-    (time_s, passes), (robot_time_s, robot_pass) = (
-        [np.concatenate(part) for part in zip(*every, strict=True)] for every in (of_frames, of_poses)
-    )
-    return built(
-        np.concatenate(said),
-        grids,
-        source="scans.h5",
-        time_s=time_s,
-        pass_index=passes,
-        robot_time_s=robot_time_s,
-        robot_pass=robot_pass,
-        flange_from_profiler=design,
-        sphere_diameter_mm=2 * RADIUS,
-        clock="own" if own else "robot",
-    )
-
-
-def scans_over(rng: np.random.Generator, count: int = 6, turn_deg: float = 25.0, weave_deg: float = 0.0) -> list[Scan]:
-    """Scans in several orientations, to and fro across the laser plane."""
-    turns, centre = postures(rng, count, turn_deg)
-    out = []
-    for i in range(count):
-        way = np.array([rng.uniform(-2, 2), (-1) ** i * 5.5, rng.uniform(-2, 2)])
-        middle = centre[i] * [1.0, 0.0, 1.0]
-        out.append(Scan(turns[i], middle - way, middle + way, weave_deg=weave_deg))
-    return out
+def drawn(condition: str, seed: int, /, **changes: Any) -> tuple[Recording, SphereTruth]:
+    """A drawn recording of the package's simulator, keys of its recipe changed, and the truth."""
+    document = random_sphere_recipe(condition, seed).model_dump(mode="json")
+    for key, value in changes.items():
+        document[key] = document[key] | value if isinstance(value, dict) else value
+    return simulate_sphere(parse_sphere_recipe(document))

@@ -8,22 +8,17 @@ import numpy as np
 import pytest
 
 from bench.drawn.spheres import random_sphere_recipe
+from tests.plugins.calibration.conftest import drawn
 from workbench.api import HandEye
 from workbench.plugins.calibration import circles, hand_eye, validate
-from workbench.synthetic import simulate_sphere
 
 OTHER = {"center_mm": [900.0, -400.0, 700.0]}
 
 
-def calibrated(drawn, condition="sphere_nine", **changes):
-    document = random_sphere_recipe(condition, drawn).model_dump(mode="json")
-    for key, value in changes.items():
-        document[key] = document[key] | value if isinstance(value, dict) else value
-    recipe = type(random_sphere_recipe(condition, drawn)).model_validate(document)
-    recording, _ = simulate_sphere(recipe)
-    recording = dataclasses.replace(recording, source=f"{condition}-{drawn}-{sorted(changes)}")
-    profiles = circles(recording)
-    return profiles, recording
+def calibrated(seed, /, **changes):
+    recording, _ = drawn("sphere_nine", seed, **changes)
+    recording = dataclasses.replace(recording, source=f"{seed}-{sorted(changes)}")
+    return circles(recording), recording
 
 
 def test_held_out_errors_are_as_large_as_expected():

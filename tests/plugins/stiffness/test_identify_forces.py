@@ -184,13 +184,3 @@ def test_the_file_goes_into_the_force_with_its_u(tmp_path: Path) -> None:
     assert same.layers[-1].u_mean_n is None
     with pytest.raises(InputError, match="not both"):
         force(plan, None, cell, coefficients_file=path, material="al7075_t6")
-
-
-def test_a_covariance_that_is_none_is_refused(tmp_path: Path) -> None:
-    document, _ = identify_forces(recordings=SHIPPED, feeds_mm_min=FEEDS, **CUT, **NAMED)
-    spoiled = json.loads(document.content)
-    spoiled["covariance"][0][1] += 1e6
-    path = tmp_path / "coefficients.json"
-    path.write_text(json.dumps(spoiled))
-    with pytest.raises(InputError, match="covariance"):
-        read_coefficients(path)

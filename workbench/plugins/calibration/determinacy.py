@@ -83,10 +83,10 @@ def too_open(covariance: Float, estimate: Estimate, demand: Demand, cause: Calla
     )
 
 
-def offset_open(u_s: float, flange: Flange, times: float = 1.0) -> str:
+def offset_open(u_s: float, flange: Flange) -> str:
     """Why a clock's offset is no answer that only the noise of the scans' motion tells; empty: it is one."""
     speed_mm_s = speed_of(flange)
-    if u_s * speed_mm_s <= times * OFFSET_MM:
+    if u_s * speed_mm_s <= OFFSET_MM:
         return ""
     return (
         f"the scans do not determine the clock's offset: predicted uncertainty {1e3 * u_s:.3g} ms, "

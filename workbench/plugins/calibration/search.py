@@ -1,10 +1,9 @@
 """Hand-eye poses from anywhere: where to begin, which answers there are, and what is wrong where there is none.
 
 For a rotation of the profiler all else follows by linear least squares, whatever is seen: rotations all about and the
-design's are tried, the likeliest are fitted (`estimator`), and the same answer counts once. What is open at every
-start, wherever it lies, no fit will tell: it is refused before. An answer that explains the profiles as well as the
-best one is a rival; the design's pose may exclude it. Where none explains them, the known mistakes in a recording's
-poses are tried in turn.
+design's are tried, the likeliest are fitted (`estimator`), and the same answer counts once. An answer that explains the
+profiles as well as the best one is a rival; the design's pose may exclude it. Where none explains them, the known
+mistakes in a recording's poses are tried in turn.
 """
 
 from __future__ import annotations
@@ -29,11 +28,9 @@ from workbench.plugins.calibration.suspicions import Fitted, suspected
 S = TypeVar("S")
 
 NEAR = 20 * DEG  # by which the design's pose may be off: it is turned so far each way
-TRIED, REFINED = 12, 8  # starts, and answers of these, the likeliest; half as many where little is to be told
-ROUGH_STEPS = 6  # before and after what is hopeless is left out
-HOPELESS = (4.0, 100.0)  # times the best's chi-square, and more: none of these will be the best, nor its rival
+TRIED, REFINED = 12, 6  # starts, and answers of these, the likeliest
+ROUGH_STEPS = 12  # before what is unlikely is left out
 OFFSET_GRID_MM, MAX_OFFSETS = 3.0, 60  # how finely clock offsets are searched
-CLEARLY = 2.0  # times what is allowed: no fit will tell it where it is as uncertain at every start
 THINNED = 200  # observations that a search looks at
 LOOKED_AT = 60  # likewise, where a mistake in the poses is sought
 SAME = np.repeat([0.5, 0.02], 3)  # mm and rad, within which two answers are one
@@ -89,16 +86,16 @@ def located(
     Raises:
         InputError: an undetermined direction, two answers that fit equally, or none that fits.
     """
-    fits = _all_answers(target, design, demand)
+    fits = _all_answers(target, design, demand.where)
     _refuse_unexplained(target, fits, design, demand.where, mistaken)
     demand.refuse(undetermined(target, fits[0].at, fits[0].inverse, demand))  # before rivals: where nothing is are many
     return _only_answer(fits, target, design, demand.where, ask)
 
 
-def undetermined(target: Target[S], at: S, covariance: Float, demand: Demand, times: float = 1.0, why: str = "") -> str:
+def undetermined(target: Target[S], at: S, covariance: Float, demand: Demand, why: str = "") -> str:
     """What an answer with this covariance (P, P) leaves more uncertain than is demanded; empty: nothing.
 
-    times: the demand; why: it does so, where that is known.
+    why: it does so, where that is known.
     """
     pose = target.pose(at)
     flange, own_clock = target.flange.at(pose.offset_s), isinstance(target.flange, Timed)
@@ -106,24 +103,24 @@ def undetermined(target: Target[S], at: S, covariance: Float, demand: Demand, ti
     def cause() -> str:
         return why or cause_of(flange.base_from_flange, target.shown(at), own_clock, target.what)
 
-    said = too_open(covariance[:6, :6] / times**2, pose, demand, cause)
+    said = too_open(covariance[:6, :6], pose, demand, cause)
     if said or not own_clock:
         return said
-    return offset_open(math.sqrt(covariance[-1, -1]), flange, times)
+    return offset_open(math.sqrt(covariance[-1, -1]), flange)
 
 
-def _all_answers(target: Target[S], design: Float | None, demand: Demand) -> list[estimator.Fit[S]]:
+def _all_answers(target: Target[S], design: Float | None, where: str) -> list[estimator.Fit[S]]:
     """The likeliest answers, each once and without what contradicts it, the best first; none where all run away.
 
     About the design's pose; from rotations all about, where there is none, or none near it explains what is seen.
     """
-    offsets_s = _offsets(target.flange, demand.where)
+    offsets_s = _offsets(target.flange, where)
     if design is not None:
         turns = np.concatenate([np.zeros((1, 3)), NEAR * np.eye(3), -NEAR * np.eye(3)])
-        near = _answers(target, rotation_from_vector(turns) @ design[:3, :3], offsets_s, demand)
+        near = _answers(target, rotation_from_vector(turns) @ design[:3, :3], offsets_s)
         if near and off(near[0]) <= UNUSUAL:
             return near
-    return _answers(target, Rotation.create_group("I").as_matrix(), offsets_s, demand)
+    return _answers(target, Rotation.create_group("I").as_matrix(), offsets_s)
 
 
 def _offsets(flange: Flange | Timed, where: str) -> Float:
@@ -137,30 +134,17 @@ def _offsets(flange: Flange | Timed, where: str) -> Float:
             "no clock offset puts the frames of all scans within the robot's poses",
         )
     count = int(np.clip((high - low) * speed_of(flange.at((low + high) / 2)) / OFFSET_GRID_MM, 0, MAX_OFFSETS - 1)) + 1
-    return np.asarray(low + (np.arange(count) + 0.5) / count * (high - low))
+    return low + (np.arange(count) + 0.5) / count * (high - low)
 
 
-def _answers(target: Target[S], rotations: Float, offsets_s: Float, demand: Demand) -> list[estimator.Fit[S]]:
+def _answers(target: Target[S], rotations: Float, offsets_s: Float) -> list[estimator.Fit[S]]:
     few = target.searched(THINNED)
-    starts = list(islice(_distinct((at for _, at in few.starts(rotations, offsets_s, TRIED)), target), TRIED))
-    if isinstance(target.flange, Timed) and _open_everywhere(target, starts, demand):  # a valley is long to walk
-        told = _solved(partial(_rough, few, steps=2 * ROUGH_STEPS), starts[: REFINED // 2])
-        if all(undetermined(target, one.at, one.inverse, demand) for one in told):
-            return sorted(told, key=lambda one: one.chi2)
-    for _ in range(2):
-        rough = sorted(_solved(partial(_rough, few), starts), key=lambda one: one.chi2)
-        starts = [one.at for one in rough if one.chi2 <= HOPELESS[0] * rough[0].chi2 + HOPELESS[1]]
-    explained = bool(rough) and off(rough[0]) <= UNUSUAL
-    best = islice(_distinct(starts, target), REFINED if explained else REFINED // 2)
+    starts = islice(_distinct((at for _, at in few.starts(rotations, offsets_s, TRIED)), target), TRIED)
+    rough = sorted(_solved(partial(_rough, few), starts), key=lambda one: one.chi2)
+    best = islice(_distinct((one.at for one in rough), target), REFINED)
     fits = sorted(_solved(partial(estimator.sound, target, halves=0), best), key=cost)
     again = _solved(partial(estimator.sound, target), (one.at for one in fits[:1]))
     return sorted([*again, *fits[1:]], key=cost)
-
-
-def _open_everywhere(target: Target[S], starts: list[S], demand: Demand) -> bool:
-    """Whether the information at every start leaves the same open, clearly."""
-    told = ((at, estimator.inverse_information(target.rows(at).normal().information)) for at in starts)
-    return all(undetermined(target, at, covariance, demand, CLEARLY) for at, covariance in told)
 
 
 def _rough(target: Target[S], at: S, steps: int = ROUGH_STEPS) -> estimator.Fit[S]:
@@ -252,7 +236,7 @@ def _refuse_unexplained(
         begun = read.starts(turns, np.zeros(1), REFINED // 2)[:2]
 
         def misfit() -> float:
-            fits = _solved(partial(_rough, read, steps=2 * ROUGH_STEPS), (at for _, at in begun))
+            fits = _solved(partial(_rough, read, steps=ROUGH_STEPS), (at for _, at in begun))
             return min((off(one) for one in fits), default=np.inf)
 
         return begun[0][0], misfit

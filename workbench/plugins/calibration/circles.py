@@ -157,7 +157,7 @@ def on_arc(x: Float, z: Float, circle: Float, sense: float, sigma: float, gap: f
     good = np.abs(_residuals(x, z, circle, sense)) < GATE * sigma
     run = np.cumsum(np.abs(np.diff(x[good], prepend=x[good][:1])) > gap)
     good[good] = run == np.argmax(np.bincount(run, minlength=1))
-    return np.asarray(good)
+    return good
 
 
 def returns(x_mm: Any, z_mm: Any) -> tuple[Float, Float, Int]:

@@ -217,7 +217,7 @@ def _centre_covariance(linear: Linear) -> Float:
     h = linear.centre[:, 1]
     h = np.copysign(np.maximum(np.abs(h), NEAR_EQUATOR_MM), h)
     change = by_circle(h)
-    return np.asarray(change @ linear.covariance @ np.swapaxes(change, 1, 2))
+    return change @ linear.covariance @ np.swapaxes(change, 1, 2)
 
 
 def _calibration(

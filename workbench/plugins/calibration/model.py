@@ -102,7 +102,7 @@ def cross_matrix(v: Float) -> Float:
     """[v]x (..., 3, 3) with [v]x u = v x u."""
     out = np.zeros((*v.shape, 3))
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
-    return np.asarray(out - np.swapaxes(out, -1, -2))
+    return out - np.swapaxes(out, -1, -2)
 
 
 def linearise(estimate: Estimate, seen: Observations, noise: Noise, with_offset: bool = False) -> Linear:
@@ -349,7 +349,7 @@ def displacements(rotation: Float, view: View) -> Float:
 def volume_weight(rotation: Float, view: View) -> Float:
     """W (6, 6) with volume_u^2 = trace(W covariance): the mean square error of a point over the field."""
     moved = displacements(rotation, view).reshape(-1, 6)
-    return np.asarray(moved.T @ moved)
+    return moved.T @ moved
 
 
 def place_u(covariance: Float, rotation: Float, view: View) -> float:

@@ -176,7 +176,7 @@ def _series(x: Float, values: Float) -> Float:
     left = np.sum(values**2) - np.cumsum(np.sum(parts**2, axis=1)) + 1e-12 * np.sum(values**2)
     score = values.size * np.log(np.maximum(left, 1e-300)) + 3 * np.arange(1, most + 2) * np.log(values.size)
     size = 2 + int(np.argmin(score[1:]))
-    return np.asarray(np.linalg.solve(triangle[:size, :size], parts[:size]))
+    return np.linalg.solve(triangle[:size, :size], parts[:size])
 
 
 @dataclass(frozen=True)
@@ -196,7 +196,7 @@ class Observations:
 
     def circle_at(self, scale: Float) -> Float:
         """The circles (k, 3) with other errors (s,) taken out."""
-        return np.asarray(self.circle + self.by_scale @ (scale - self.scale))
+        return self.circle + self.by_scale @ (scale - self.scale)
 
     @property
     def here(self) -> Flange:

@@ -81,7 +81,7 @@ def _corner(xz: Float) -> int:
     def left_over(s: Float) -> Float:
         n = s[:, 0]
         xx, xz_, zz = s[:, 3] - s[:, 1] ** 2 / n, s[:, 4] - s[:, 1] * s[:, 2] / n, s[:, 5] - s[:, 2] ** 2 / n
-        return np.asarray(zz - xz_**2 / np.maximum(xx, 1e-12))
+        return zz - xz_**2 / np.maximum(xx, 1e-12)
 
     at = np.arange(LEAST_POINTS - 1, len(xz) - LEAST_POINTS)
     return int(at[np.argmin(left_over(sums[at]) + left_over(sums[-1] - sums[at]))])

@@ -193,7 +193,7 @@ def _prior_of_amplitude(amplitude: Float, seen_mm: float) -> Float:
     An error so smooth that the hand-eye pose takes it up leaves the likelihood flat: without a scale, the largest
     amplitude of the grid would be as likely as that which the residuals show.
     """
-    return np.asarray(np.log(amplitude) - np.log1p((amplitude / seen_mm) ** 2))
+    return np.log(amplitude) - np.log1p((amplitude / seen_mm) ** 2)
 
 
 def _distances(here: Observations) -> Float:

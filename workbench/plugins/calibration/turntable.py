@@ -113,7 +113,7 @@ class _Turning:
 
     def sway(self, at: Axis) -> Float:
         """Change (n, 3) of the points with the table's angle."""
-        return np.asarray(np.cross(at.frame[2], self.marks.point_mm - at.point_mm))
+        return np.cross(at.frame[2], self.marks.point_mm - at.point_mm)
 
     def rows(self, at: Axis) -> estimator.Rows:
         n, size = len(self.alike), 7 + 3 * self.marks.markers

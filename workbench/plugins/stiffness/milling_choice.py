@@ -82,7 +82,7 @@ def speeds(rpm: float, change: float, flutes: int, fastest_hz: float) -> Float:
     """Spindle speeds about one, so close that no lobe of a mode lies between two of them."""
     lobe = rpm * flutes / (60.0 * fastest_hz)  # its width, as a share of the speed
     count = int(np.clip(np.ceil(2 * change * A_LOBE / (lobe * (1 - change) ** 2)) + 1, FEWEST, MOST)) | 1
-    return np.asarray(rpm * np.linspace(1 - change, 1 + change, count))
+    return rpm * np.linspace(1 - change, 1 + change, count)
 
 
 def choose(

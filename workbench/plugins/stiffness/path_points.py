@@ -86,12 +86,12 @@ class PathPoints:
     def external(self, table: Float | float, at: Int | int) -> Float:
         """Values of the external axes at points `at` (...) where the outermost stands at `table` (...)."""
         if self.drift.ndim == 1:
-            return np.asarray(table + self.drift[at])
+            return table + self.drift[at]
         return np.asarray(np.multiply.outer(table, np.eye(self.drift.shape[1])[-1]) + self.drift[at])
 
     def moved(self, cell: Cell, external: Float) -> Float:
         """Motions (..., 4, 4) in the base of what stands on the external axes when they go to these values, rad."""
-        return np.asarray(turntable_pose(cell, external) @ inverse(turntable_pose(cell, self.planned)))
+        return turntable_pose(cell, external) @ inverse(turntable_pose(cell, self.planned))
 
     def turned(self, cell: Cell, table: Float, at: Int) -> Float:
         """`moved` at points `at` (...) with the outermost axis at `table` (...), rad; both broadcast."""

@@ -239,7 +239,7 @@ POWER = 6  # of the uncertainties in the smooth maximum
 
 def relative_u(information: Float) -> Float:
     """Relative standard uncertainties (..., 6) that an information (..., 6, 6) about logarithms leaves."""
-    return np.asarray(np.sqrt(np.diagonal(np.linalg.inv(information), axis1=-2, axis2=-1)))
+    return np.sqrt(np.diagonal(np.linalg.inv(information), axis1=-2, axis2=-1))
 
 
 def choose(information: Float, postures: int, pairs: int, target_u: float) -> list[tuple[int, int]]:

@@ -451,4 +451,4 @@ def _map(found: Found) -> dict[str, Any]:
 
 
 def _rounded(values: Float | float, digits: int) -> Float:
-    return np.asarray(np.round(values, digits) + 0.0)
+    return np.round(values, digits) + 0.0

@@ -80,7 +80,7 @@ def base_from_point(cell: Cell, postures: Postures, toolpath: Toolpath) -> Float
     radius_mm = toolpath.cutter.diameter_mm / 2
     tool = forward_kinematics(cell.chain, postures.joints) @ postures.flange_from_point
     out, back = (pose_from(np.eye(3), np.array([sign * radius_mm, 0.0, 0.0])) for sign in (-1, 1))
-    return np.asarray(tool @ out @ turn_about_z(-postures.cutter_rotation) @ back)
+    return tool @ out @ turn_about_z(-postures.cutter_rotation) @ back
 
 
 def _table(found: dict[int, Float]) -> bytes:

@@ -100,7 +100,7 @@ def _integrals(cut: Milling, angle: Float) -> Float:
         return np.moveaxis(np.array(rows), -1, 0)
 
     whole = upto(np.array([cut.exit]))
-    return np.asarray(turns[:, None, None] * whole + upto(np.minimum(cut.entry + within, cut.exit)))
+    return turns[:, None, None] * whole + upto(np.minimum(cut.entry + within, cut.exit))
 
 
 def directions(cut: Milling, depth_mm: Float, steps: int) -> Float:

@@ -41,7 +41,7 @@ def tool_mm(cell: Cell, points: PathPoints) -> Float:
     half = np.maximum(half, 1e-6)
     low, high = np.interp(arc - half, arc, area), np.interp(arc + half, arc, area)
     inside = (half > 1e-5) & (arc[-1] > 1e-3)
-    return np.asarray(np.where(inside, (high - low) / (2 * half), there))
+    return np.where(inside, (high - low) / (2 * half), there)
 
 
 def places(cell: Cell, drift: Float) -> Float:

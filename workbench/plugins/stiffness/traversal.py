@@ -79,7 +79,7 @@ class Traversal:
     def ranked(self, allowed: Bool) -> Int:
         """Flat indices of all solved (configuration, turntable, rotation) of `allowed` (8,), their mean rising."""
         flat = np.flatnonzero((self.said == FREE) & allowed[:, None, None])
-        return np.asarray(flat[np.argsort(self.mean.reshape(-1)[flat], kind="stable")])
+        return flat[np.argsort(self.mean.reshape(-1)[flat], kind="stable")]
 
     def thinned(self, every: int, rotation: float, table: float) -> Traversal:
         """Every so many-th angle both ways, those of a cell of the grid among them."""
@@ -144,7 +144,7 @@ def placed(cell: Cell, points: PathPoints, tables: Float) -> LoadedPath:
 def flange_poses(cell: Cell, points: PathPoints, at: Int, rotation: Float, table: Float) -> Float:
     """Poses of the flange (..., 4, 4) at points (...), with cutter and turntable turned by (...); all broadcast."""
     tool = turn_about_z(rotation) @ inverse(cell.flange_from_cutter)
-    return np.asarray(points.turned(cell, table, at) @ (points.base_from_point[at] @ points.point_from_tip) @ tool)
+    return points.turned(cell, table, at) @ (points.base_from_point[at] @ points.point_from_tip) @ tool
 
 
 def words_of(arm: AnyArm, chain: Chain) -> list[tuple[str, ...]]:
@@ -253,7 +253,7 @@ class Examiner:
     def _owner(self) -> Int:
         """The station (n,) that is nearest to each point along the path."""
         at = self._stations
-        return np.asarray(np.searchsorted((at[1:] + at[:-1]) / 2, np.arange(len(self.dense.layer))))
+        return np.searchsorted((at[1:] + at[:-1]) / 2, np.arange(len(self.dense.layer)))
 
     def along(self, configuration: int, rotation: float, table: float) -> tuple[Float, int, int]:
         """Joint angles (n, 6) at all points for a rotation and a turntable angle, the cause against it, the hit."""
@@ -365,7 +365,7 @@ class Examiner:
         said = np.where((room < asked + written).any(axis=1), LIMIT, FREE)
         condition *= 1 + STEEPEST * condition * written.sum(axis=1)
         said[(wrist < margins.wrist + written[:, 4]) | (condition > margins.condition)] = SINGULAR
-        return np.asarray(said.reshape(joints.shape[:-1]))
+        return said.reshape(joints.shape[:-1])
 
 
 def _is_chord(there: Float) -> bool:

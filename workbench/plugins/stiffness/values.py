@@ -92,7 +92,7 @@ class PathStability:
     @property
     def least_margin(self) -> Float:
         """The margin less its U (k = 2), of its logarithm (m,)."""
-        return np.asarray(self.margin * np.exp(-2.0 * self.u_log))
+        return self.margin * np.exp(-2.0 * self.u_log)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -96,19 +96,6 @@ def random_case(rng: np.random.Generator) -> tuple[Dynamics, Milling]:
     return Dynamics(np.diag(w**2)[None], np.diag(0.06 * w)[None], shape[None]), up if rng.integers(2) else down
 
 
-@cases
-@given(seed=st.integers(0, 10**6), factor=st.floats(0.2, 5))
-def test_limits_scale_with_force_and_mass(seed: int, factor: float) -> None:
-    """Twice the coefficients, half the depth; twice all masses, stiffnesses and dampers, twice the depth."""
-    dynamics, cut = random_case(np.random.default_rng(seed))
-    cut = cut._replace(lag=0.0)
-    one = screened(dynamics, cut, 1e3)
-    stronger = cut._replace(chip=tuple(factor * k for k in cut.chip))
-    heavier = dynamics._replace(shape=dynamics.shape / np.sqrt(factor))
-    assert np.allclose(screened(dynamics, stronger, 1e3 / factor) * factor, one, rtol=1e-6)
-    assert np.allclose(screened(heavier, cut, 1e3 * factor) / factor, one, rtol=1e-6)
-
-
 STEPS, SLICES = 200, 8  # of a tooth's period; of the depth
 
 

@@ -125,10 +125,9 @@ class Rows:
         return replace(self, **parts, shared=shared)
 
     def beside(self, change: Float, at: Float, u: Float) -> Rows:
-        """With q more unknowns `at` (q,), 0 but for their u (q,), that change the prediction by (n, d, q)."""
+        """With q more unknowns `at` (q,), 0 but for their u (q,), that change the prediction by (n, d, q) each."""
         return replace(
             self,
-            residual=self.residual - change @ at,
             jacobian=np.concatenate([self.jacobian, change], axis=2),
             prior=scipy.linalg.block_diag(self.prior, np.diag(u**-2.0)),
             away=np.append(self.away, -at),

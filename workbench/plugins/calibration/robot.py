@@ -87,8 +87,7 @@ class Posed:
         moved = dataclasses.replace(self.seen, flange=dataclasses.replace(self.seen.here, base_from_flange=poses))
         linear = linearise(at.estimate, moved, self.noise)
         ball = rows_of(linear, moved, self.noise, at.estimate)
-        built = ball.beside(linear.by_pose @ by_errors, at.errors, self.arm.prior)
-        return dataclasses.replace(built, residual=ball.residual)  # of the poses as they are moved
+        return ball.beside(linear.by_pose @ by_errors, at.errors, self.arm.prior)
 
     def moved(self, at: Together, step: Float) -> Together:
         """Steps in the order of the unknowns."""

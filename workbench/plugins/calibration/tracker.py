@@ -93,28 +93,26 @@ class Tracking:
 
     def rows(self, at: Tracked) -> estimator.Rows:
         """Residuals of the places; readings of one posture share its pose's error."""
-        seen, n, size = self.seen, len(self.seen.lines), 6 + at.target_mm.size + len(self.arm)
+        seen, n, size = self.seen, len(self.seen.lines), 6 + at.target_mm.size
         flange, by_errors = seen.flange, np.zeros((n, 6, 0))
         if self.chain is not None and seen.joints is not None:
             flange, by_errors = erring_flange(self.chain, self.arm, at.errors, seen.joints)
         frame, turn, point = at.tracker_from_base[:3, :3], flange[:, :3, :3], at.target_mm[seen.target]
         beyond = (np.einsum("nij,nj->ni", turn, point) + flange[:, :3, 3]) @ frame.T
         by_pose = frame @ np.concatenate([np.tile(np.eye(3), (n, 1, 1)), -turn @ cross_matrix(point)], axis=2)
-        slope = np.zeros((n, 3, size))
+        slope, none = np.zeros((n, 3, size)), np.zeros((size, size))
         slope[:, :, :3], slope[:, :, 3:6] = np.eye(3), -cross_matrix(beyond)
         column = 6 + 3 * seen.target[:, None] + np.arange(3)
         slope[np.arange(n)[:, None], :, column] = np.swapaxes(frame @ turn, 1, 2)
-        slope[:, :, size - len(self.arm) :] = by_pose @ by_errors
         own = by_pose * self.spread
         alone = np.tile(self.alone, (n, 1, 1))
         shared = estimator.Shared(
             np.arange(n), alone, own, self.posture, np.zeros(n), int(self.posture.max()) + 1, np.zeros((n, 3, 0))
         )
-        prior = np.concatenate([np.zeros(size - len(self.arm)), self.arm.prior**-2])
-        away = np.concatenate([np.zeros(size - len(self.arm)), -at.errors])
         residual = seen.place_mm - beyond - at.tracker_from_base[:3, 3]
         covariance = alone + own @ np.swapaxes(own, 1, 2)
-        return estimator.Rows(residual, slope, covariance, np.full(n, 3.0), np.diag(prior), away, (shared,))
+        places = estimator.Rows(residual, slope, covariance, np.full(n, 3.0), none, none[0], (shared,))
+        return places.beside(by_pose @ by_errors, at.errors, self.arm.prior)
 
     def moved(self, at: Tracked, step: Float) -> Tracked:
         """The registration turns in the tracker's axes."""

@@ -274,9 +274,7 @@ def _as_noisy(table: _Turning) -> tuple[_Turning, Axis]:
         return _Turning(table.marks, table.angle_noise * times, FREE if moves else AT_REST)
 
     def likelihood(times: float) -> float:
-        rows = noisier(times).rows(sound.at)
-        jacobian, prior = np.concatenate([rows.jacobian, scaled], axis=2), np.pad(rows.prior, (0, 1))
-        rows = replace(rows, jacobian=jacobian, prior=prior, away=np.append(rows.away, 0.0))
+        rows = noisier(times).rows(sound.at).beside(scaled, np.zeros(1), np.full(1, np.inf))
         return rows.only(sound.used).normal().restricted
 
     best = max(TIMES, key=likelihood)

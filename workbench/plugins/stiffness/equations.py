@@ -163,7 +163,8 @@ class Loading:
         alone = noise[:, :, None] ** 2 * np.eye(d)
         shared = estimator.Shared(np.arange(n), alone, own, self.load, np.zeros(n), len(eq.y), np.zeros((n, d, 0)))
         covariance, values = alone + own @ np.swapaxes(own, 1, 2), np.full(n, float(d))
-        residual, none = self.observed(eq.residual(at[:6])), np.zeros((6, 6))
+        residual = self.observed(eq.residual(at[:6])) - self.directions @ at[6:]
+        none = np.zeros((6, 6))
         springs = estimator.Rows(residual, self.observed(eq.a), covariance, values, none, none[0], (shared,))
         return springs.beside(self.directions, at[6:], self.u)
 

@@ -336,7 +336,7 @@ class _Means:
         slope = np.concatenate([*causes, ZERO_U_N * every, worn], axis=2)
         u = np.full(slope.shape[2], max(self.as_built_u, LEAST))
         u[4] = 1.0
-        left, known = self.mean_n - self.lost_n - ideal, np.zeros((6, 6))
+        left, known = self.mean_n - self.lost_n - ideal - slope @ at[6:], np.zeros((6, 6))
         means = estimator.Rows(left, self.matrix, self.covariance, np.full(n, 3.0), known, known[0])
         return means.beside(slope, at[6:], u)
 

@@ -63,7 +63,7 @@ def shop_floor(shape: str, seed: int) -> Joint:
 
 def of_recipe(kind: str, recipe: SweptRecipe) -> Joint:
     recording, truth = simulate_swept(recipe)
-    sizes = partial(_as_read, dict(truth.preparation), kind, recipe.part.middle_radius_mm)
+    sizes = partial(_as_read, dict(truth.preparation), kind)
     return _plate(kind, recording, sizes, truth.position_mm, truth.preparation)
 
 
@@ -158,7 +158,7 @@ def report(rows: Sequence[Mapping[str, Any]], _: Any) -> Iterator[str]:
         yield from markdown(["condition", "outcome", "parts", "first seed", "its cause"], causes)
 
 
-def _as_read(exact: dict[str, Float], kind: str, foot_radius_mm: float, found: str) -> dict[str, Float]:
+def _as_read(exact: dict[str, Float], kind: str, found: str) -> dict[str, Float]:
     """Sizes of a nose whose corner is filled by the terms of a J, and the other way round; two bevels as one.
 
     The land of a nose counts to the corner that bevel and land would make, that of a J to where its fillet begins.
@@ -170,7 +170,7 @@ def _as_read(exact: dict[str, Float], kind: str, foot_radius_mm: float, found: s
         return exact | {"bevel_deg": bevel}
     if {kind, found} != {"nose", "J"}:
         return exact
-    radius = exact.get("root_radius_mm", np.full(len(exact["land_mm"]), foot_radius_mm))
+    radius = exact.get("root_radius_mm", np.zeros(len(exact["land_mm"])))
     reach = radius * np.tan((90.0 - exact["bevel_deg"]) * DEG / 2)
     sharp = exact["land_mm"] + (reach if kind == "J" else -reach)
     return exact | {"land_mm": sharp} | ({"root_radius_mm": radius} if found == "J" else {})

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from bench.odd_plates import Corners
+from bench.odd_plates import Corners, compound
 from bench.outside import FAR_MM, Part, Section, Usual, simulate
 from workbench.artefacts import GrooveSection
 from workbench.units import DEG, Float
@@ -200,10 +200,7 @@ def _compound(rng: np.random.Generator) -> Groove:
 
     def bent(plate: Plate) -> Plate:
         other = float(np.clip(plate.bevel_deg + rng.choice([-1.0, 1.0]) * rng.uniform(3.0, 30.0), 2.0, 65.0))
-        low, high = np.tan(np.array([plate.bevel_deg, other]) * DEG)
-        part = rng.uniform(0.15, 0.85) * plate.height_mm
-        above = ((-low * part, part), (-low * part - high * (plate.height_mm - part), plate.height_mm))
-        return replace(plate, above=above)
+        return replace(plate, above=compound(plate.bevel_deg, other, rng.uniform(0.15, 0.85), plate.height_mm))
 
     return _one_or_both(rng, of, bent)
 

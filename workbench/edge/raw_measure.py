@@ -22,7 +22,7 @@ from workbench.edge.frame_ends import missing_share
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.edge.raw_faces import FaceEnds, RawFaces, middle_of, outward_of
 from workbench.edge.raw_local import local_mean
-from workbench.edge.steps import readings
+from workbench.edge.steps import own_places, readings
 from workbench.errors import InputError
 from workbench.geometry.blocks import evenly
 from workbench.geometry.chains import FaceLines
@@ -156,7 +156,8 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces, condition: EdgeCondition, ro
         )
     s = np.full(seen.size, np.nan)
     s[seen] = along_motion(middle[seen], along[seen], cloud.pass_index[seen])
-    curve = fit_curve(middle[seen], s[seen], cloud.pass_index[seen])
+    own = seen & (own_places(s, *_width(found)) > 0.5)  # where a part of the face is hidden, so is its middle
+    curve = fit_curve(middle[own], s[own], cloud.pass_index[own])
     shared = robot.before
     for whole in (False, True):
         s[seen] = curve.project(middle[seen], s[seen])
@@ -279,10 +280,16 @@ def _squared(tilt: Course, stand_out: Course, face: SectionLines) -> Course:
     return replace(tilt, spline=through(tilt.at_mm, value))
 
 
-def _whole(found: RawFaces) -> Bool:
-    """Frames (N,) that show the end face as wide as most of them do."""
+def _width(found: RawFaces) -> tuple[Float, Float]:
+    """How wide each frame (N,) shows the end face, mm, and the variance of that by columns."""
     face = found.whole
     width = np.hypot(1.0, face.sxz / face.sxx) * np.sqrt(12.0 * face.sxx / face.count)
+    return width, (width / face.count) ** 2 / 6.0
+
+
+def _whole(found: RawFaces) -> Bool:
+    """Frames (N,) that show the end face as wide as most of them do."""
+    width, _ = _width(found)
     with np.errstate(invalid="ignore"):
         return np.asarray(width > np.nanmedian(width) - MARGIN_MM)
 

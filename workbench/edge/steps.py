@@ -83,7 +83,7 @@ def readings(
     sigma = math.sqrt(scatter) * u
     found = [one for sense in (1.0, -1.0) for one in _off_the_face(s, sense * value, u, sigma, sense, is_all)]
     if not found:
-        return nothing
+        return nothing._replace(own=plain.kept.astype(float))
     own = np.log(FULL * sigma[plain.kept]) + 0.5 * (plain.noise_factor / scatter - 1.0)
     log = plain.log_evidence - own.sum() + math.log(STRAY) * (~plain.kept).sum()
     logs = np.array([log, *(one.evidence + math.log(ODDS) for one in found)])
@@ -93,7 +93,7 @@ def readings(
     own_u = np.stack([np.zeros(at.size), *(one.course.u(at) for one in found)])
     off = np.stack([np.zeros(at.size), *(_own_step(one, s, value, at) for one in found)])
     shift = share @ apart
-    own = share @ np.stack([np.ones(s.size), *(one.own for one in found)])
+    own = share @ np.stack([plain.kept.astype(float), *(one.own * one.course.kept for one in found)])
     variance = share @ ((apart - shift) ** 2 + own_u**2 + STEPPED * off**2)
     return Readings(shift, np.sqrt(variance), own, share @ off)
 

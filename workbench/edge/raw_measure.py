@@ -475,7 +475,8 @@ def _found_end(
         freed.doubt[on],
     )
     end = find_end(known, course, shared, orders)
-    said = readings(end.s, end.middle, end.middle_u, end.course.at_mm, end.course, is_all=False)
+    likeliest = max(shared.processes, key=lambda one: one.share, default=None)
+    said = readings(end.s, end.middle, end.middle_u, end.course.at_mm, end.course, is_all=False, shared=likeliest)
     found = said.moved(end.course)
     end = replace(end, course=replace(found, variance=found.variance + said.u_mm**2))
     low = np.where(side.silhouette, side.low, np.nan)

@@ -16,8 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.geometry.blocks import as_input
-from workbench.geometry.course import BIN_MM, Course, fit_course, stretches
+from workbench.geometry.course import ALONE, BIN_MM, Course, fit_course, stretches
 from workbench.geometry.medians import median
+from workbench.geometry.processes import Process, Shared
 from workbench.geometry.splines import through
 from workbench.kernels import kernel
 from workbench.units import Bool, Float, Int, Shaped
@@ -68,24 +69,49 @@ class _Reading(NamedTuple):
     sense: float
 
 
+class _Noise(NamedTuple):
+    """By what a face's own ends scatter, of cells (c,)."""
+
+    u: Shaped[Float, " c"]  # mm
+    is_all: bool  # that is all
+    shared: Process | None  # but for errors that cells share
+
+    def course(self, s: Float, value: Float, variance: Float, stiffness: tuple[Float, ...] | None = None) -> Course:
+        """The course of values (c,) at s (c,) mm."""
+        shared = Shared(processes=(self.shared,)) if self.shared else ALONE
+        return fit_course(s, value, variance, stiffness=stiffness, shared=shared)
+
+    def of(self, course: Course) -> Float:
+        """Standard deviation (c,) about a course, mm."""
+        own = self.u if self.is_all else self.u * math.sqrt(course.noise_factor)
+        return np.hypot(own, self.shared.strength) if self.shared else own
+
+
 def readings(
-    s: Float, value: Float, u: Float, at: Float, course: Course | None = None, *, is_all: bool = True
+    s: Float,
+    value: Float,
+    u: Float,
+    at: Float,
+    course: Course | None = None,
+    *,
+    is_all: bool = True,
+    shared: Process | None = None,
 ) -> Readings:
     """Of ends (c,), outwards, of cells at rising s (c,) mm, u (c,) of one; `course` takes all for the face's.
 
     is_all: `u` is all by which a face's own end scatters, as what columns leave open is; else it may scatter by more.
+    shared: errors that cells share beside it.
     """
     nothing = Readings(np.zeros(at.size), np.zeros(at.size), np.ones(s.size), np.zeros(at.size))
     if s.size < LEAST_CELLS:
         return nothing
-    plain = fit_course(s, value, u**2)
-    course, scatter = course or plain, 1.0 if is_all else plain.noise_factor
-    sigma = math.sqrt(scatter) * u
-    found = [one for sense in (1.0, -1.0) for one in _off_the_face(s, sense * value, u, sigma, sense, is_all)]
+    noise = _Noise(u, is_all, shared)
+    plain = noise.course(s, value, u**2)
+    course, sigma = course or plain, noise.of(plain)
+    found = [one for sense in (1.0, -1.0) for one in _off_the_face(s, sense * value, noise, sigma, sense)]
     if not found:
         return nothing._replace(own=plain.kept.astype(float))
-    own = np.log(FULL * sigma[plain.kept]) + 0.5 * (plain.noise_factor / scatter - 1.0)
-    log = plain.log_evidence - own.sum() + math.log(STRAY) * (~plain.kept).sum()
+    log = _clean(value - plain.value(s), sigma).sum() - _cost(plain, s.size)
     logs = np.array([log, *(one.evidence + math.log(ODDS) for one in found)])
     share = np.exp(logs - logs.max())
     share /= share.sum()
@@ -110,7 +136,7 @@ def _own_step(one: _Reading, s: Float, value: Float, at: Float) -> Float:
     return height[further]
 
 
-def _off_the_face(s: Float, value: Float, u: Float, sigma: Float, sense: float, is_all: bool) -> list[_Reading]:
+def _off_the_face(s: Float, value: Float, noise: _Noise, sigma: Float, sense: float) -> list[_Reading]:
     """The readings by which cells, that scatter by sigma (c,), lie above the face's own end, from each start.
 
     None where none does.
@@ -120,13 +146,15 @@ def _off_the_face(s: Float, value: Float, u: Float, sigma: Float, sense: float, 
     if (_told(value - around, sigma).own > 0.5).all():
         return []
     step = np.diff(value, prepend=value[0])  # a stretch may be longer than what is near: without what jumps
-    jumped = np.cumsum(np.where(np.abs(step) > JUMP * np.hypot(u, np.append(u[:1], u[:-1])), step, 0.0))
+    jumped = np.cumsum(
+        np.where(np.abs(step) > JUMP * np.hypot(noise.u, np.append(noise.u[:1], noise.u[:-1])), step, 0.0)
+    )
     starts = around, value - jumped + np.quantile(jumped, LOW)
-    settled = [_settled(s, value, u, _told(value - start, sigma), sense, is_all) for start in starts]
+    settled = [_settled(s, value, noise, _told(value - start, sigma), sense) for start in starts]
     return [one._replace(evidence=one.evidence - math.log(len(starts))) for one in settled if one is not None]
 
 
-def _settled(s: Float, value: Float, u: Float, told: _Told, sense: float, is_all: bool) -> _Reading | None:
+def _settled(s: Float, value: Float, noise: _Noise, told: _Told, sense: float) -> _Reading | None:
     """The reading to which what cells are `told` to be at first leads (expectation maximisation).
 
     Cells that stand off by one height tell the face's shape with its own.
@@ -137,19 +165,21 @@ def _settled(s: Float, value: Float, u: Float, told: _Told, sense: float, is_all
         if (told.own > LEAST_OWN).sum() < LEAST_CELLS // 2:
             return None
         shown = np.where(told.even > told.own, value - told.height, value)
-        course = fit_course(
-            s, np.where(known > LEAST_OWN, shown, np.nan), u**2 / np.maximum(known, LEAST_OWN), stiffness=stiffness
-        )
+        variance = noise.u**2 / np.maximum(known, LEAST_OWN)
+        course = noise.course(s, np.where(known > LEAST_OWN, shown, np.nan), variance, stiffness)
         stiffness = course.stiffness
-        sigma = u if is_all else u * math.sqrt(course.noise_factor)
-        before, told = told.own, _told(value - course.value(s), sigma)
+        before, told = told.own, _told(value - course.value(s), noise.of(course))
         if np.abs(told.own - before).max() < SETTLED:
             break
     if (told.own > 0.5).all() or (told.own > 0.5).mean() < LEAST_SHARE:
         return None
-    # What its freedom costs a course, by Schwarz's criterion with the cells' worth it takes.
-    evidence = told.evidence - 0.5 * course.spent * math.log((known > LEAST_OWN).sum())
+    evidence = told.evidence - _cost(course, int((known > LEAST_OWN).sum()))
     return _Reading(evidence, told.own, course, told.even.clip(0.0, 1.0), told.height, sense)
+
+
+def _cost(course: Course, cells: int) -> float:
+    """What its freedom costs a course through so many cells, by Schwarz's criterion with the cells' worth it takes."""
+    return 0.5 * course.spent * math.log(cells)
 
 
 def _clean(off: Float, u: Float) -> Float:

@@ -97,8 +97,7 @@ def raw_part(recording: Any, truth: Any, about: str, rng: np.random.Generator | 
     up = rough_upper_side(truth, rng)
     robot = truth.recipe.robot  # its slow errors are declared, since no scan shows them
     slow = math.hypot(getattr(robot, "drift_mm", 0.0) / 12**0.5, getattr(robot, "smooth_error_mm", 0.0) / 2**0.5)
-    position, normal, m, _ = local_face(truth)
-    stations = {"position_mm": position, "normal": normal, "across": m, "tangent": truth.tangent, "seen": truth.seen}
+    stations = local_face(truth) | {"seen": truth.seen}
     declared = {"kind": "raw", "upper_side": list(up), "robot_drift_u_mm": slow} | known
     return Drawn(recording, stations, declared, f"{about}, {about_robot(known)}" if known else about)
 

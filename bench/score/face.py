@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from bench.drawn.seeds import generator
-from bench.simulators.swept.truth import local_plane
+from bench.simulators.swept.truth import local_plane, local_slope
 from workbench.geometry.poses import rotation_from_vector
 from workbench.synthetic.workpiece import build_surface, pose
 from workbench.units import DEG, Float
@@ -27,28 +27,30 @@ def rough_upper_side(truth: Any, rng: np.random.Generator | None = None) -> tupl
     return float(turned[0]), float(turned[1]), float(turned[2])
 
 
-def local_face(truth: Any) -> tuple[Float, Float, Float, Float]:
-    """Lower edge, n, m and upper edge at the truth's stations; on a rough face, of its local least-squares plane.
+def local_face(truth: Any) -> dict[str, Float]:
+    """Lower edge, n, m and t at the truth's stations; on a rough face, of its local least-squares plane.
 
     The swept simulator's truth is that plane already.
     """
-    if hasattr(truth, "upper_position_mm"):
-        return truth.position_mm, truth.normal, truth.across, truth.upper_position_mm
-    width = truth.thickness_mm / (truth.across @ pose(truth.recipe.part.base_from_part)[:3, 2])
-    upper = truth.position_mm + width[:, None] * truth.across
-    waves = build_surface(truth.recipe.part, truth.recipe.seed).roughness
-    if not len(waves):
-        return truth.position_mm, truth.normal, truth.across, upper
-    u = np.linspace(0.0, truth.recipe.part.length_mm, len(truth.arc_length_mm))
-    share = np.linspace(0, 1, 64)
-    height = np.zeros((len(u), len(share)))
-    for amplitude, along, over, phase in waves:
-        height += amplitude * np.cos(along * u[:, None] + over * share * width[:, None] + phase)
-    low, high = local_plane(height, float(np.median(np.diff(u))))
-    lean = np.arctan2(high - low, width)[:, None]
-    return (
-        truth.position_mm + low[:, None] * truth.normal,
-        np.cos(lean) * truth.normal - np.sin(lean) * truth.across,
-        np.cos(lean) * truth.across + np.sin(lean) * truth.normal,
-        upper + high[:, None] * truth.normal,
-    )
+    place, t, n, m = truth.position_mm, truth.tangent, truth.normal, truth.across
+    part = truth.recipe.part
+    waves = [] if hasattr(truth, "upper_position_mm") else build_surface(part, truth.recipe.seed).roughness
+    if len(waves):
+        width = truth.thickness_mm / (m @ pose(part.base_from_part)[:3, 2])
+        u = np.linspace(0.0, part.length_mm, len(truth.arc_length_mm))
+        share = np.linspace(0, 1, 64)
+        height = np.zeros((len(u), len(share)))
+        for amplitude, along, over, phase in waves:
+            height += amplitude * np.cos(along * u[:, None] + over * share * width[:, None] + phase)
+        low, high = local_plane(height, float(np.median(np.diff(u))))
+        place = place + low[:, None] * n
+        lean = np.arctan2(high - low, width)[:, None]
+        up = np.cos(lean) * m + np.sin(lean) * n
+        t = _unit(local_slope(place))
+        n = _unit(np.cross(t, up))
+        m = np.cross(n, t)
+    return {"position_mm": place, "normal": n, "across": m, "tangent": t}
+
+
+def _unit(vectors: Float) -> Float:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))

@@ -82,9 +82,7 @@ def truth_of(recipe: SweptRecipe, curve: Curve, relief: Relief | None, seen_s: l
     top = frames.position + upper[:, :1] * frames.n + upper[:, 1:] * frames.m
     up = np.cos(lean)[:, None] * frames.m + np.sin(lean)[:, None] * frames.n
     # the tangent is the lower edge's own, on a wavy root face or an edge that stands off the spine
-    slope = np.gradient(position, s, axis=0, edge_order=2)
-    if relief is not None:
-        slope = frames.t
+    slope = np.gradient(position, s, axis=0, edge_order=2) if relief is None else local_slope(position)
     t = slope / np.linalg.norm(slope, axis=1, keepdims=True)
     n = np.cross(t, up)
     n /= np.linalg.norm(n, axis=1, keepdims=True)
@@ -154,6 +152,13 @@ def local_plane(height: Float, station_mm: float) -> tuple[Float, Float]:
     columns = height.mean(axis=1), height @ v / (v @ v)
     mean, slope = (scipy.ndimage.uniform_filter1d(one, wide, mode="constant") / inside for one in columns)
     return mean - slope / 2, mean + slope / 2
+
+
+def local_slope(position: Float) -> Float:
+    """Mean way (n, 3) from station to station, over `LOCAL_MM` to both sides, of places (n, 3) of such a plane."""
+    step = np.gradient(position, axis=0)
+    wide = round(2 * LOCAL_MM / float(np.linalg.norm(step, axis=1).mean())) + 1
+    return np.asarray(scipy.ndimage.uniform_filter1d(step, wide, axis=0, mode="nearest"))
 
 
 def _seen(s: Float, seen_s: list[Float], recipe: ScanRecipe, curve: Curve) -> Bool:

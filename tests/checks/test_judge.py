@@ -475,6 +475,13 @@ def _told(recording: Recording) -> Check:
     return {one.name: one for one in judge_recording(recording)}["held_end_share"]
 
 
+def test_steps_of_a_few_of_float32_s_digits_are_found_where_these_double() -> None:
+    """At 256 mm: steps of 0.00007 and 0.0001 mm seemed none, and returns that are alike to the digit a filter's."""
+    r = good("straight")
+    z = r.z_mm.astype(float) + 256.0 - np.nanpercentile(r.z_mm, 70.0)
+    assert _told(spoilt(r, z_mm=(np.round(z / 7e-5) * 7e-5).astype("f4"))).value < 0.05
+
+
 def test_noise_of_two_digits_on_faces_that_a_fan_of_rays_bends_is_no_filter() -> None:
     assert _told(outside.simulate(8_950_000, True).recording).value < 0.1
 

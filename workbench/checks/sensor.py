@@ -212,11 +212,13 @@ def _digit(z: Float, step_mm: float) -> float:
     differences that noise makes. Where too few differences are small enough to show valleys, it is the least step that
     the next coarser look shows.
     """
-    digit = float(np.spacing(np.float32(np.nanmax(np.abs(z), initial=1.0))))
-    off = np.abs(np.diff(z, n=2, axis=1)) / digit
+    digits = np.spacing(np.abs(z).astype(np.float32))
+    coarsest = float(np.nanmax(digits, initial=np.spacing(np.float32(1.0))))
+    digit = float(np.nanmedian(digits)) if np.isfinite(digits).any() else coarsest
+    off = np.abs(np.diff(np.where(digits > digit, np.nan, z), n=2, axis=1)) / digit  # coarser ones fill the valleys
     off = off[np.isfinite(off)]
     if len(off) < LEAST_PAIRS:
-        return max(step_mm, digit)
+        return max(step_mm, coarsest)
     core, may_be = CORE * median(off[:: 1 + off.size // ENOUGH]), 1
     for scale in SCALES:
         bins = min(VALLEYS, int(core / scale))
@@ -226,7 +228,7 @@ def _digit(z: Float, step_mm: float) -> float:
             return max(step_mm, digit * scale * found)
         if bins == VALLEYS and len(near) < LEAST_PAIRS:
             may_be = COARSER * scale
-    return max(step_mm, digit * may_be)
+    return max(step_mm, coarsest, digit * may_be)
 
 
 def _first_peak(off: Float, bins: int) -> float:

@@ -63,4 +63,4 @@ def shortened(page: Path, text: str, heading: str, shown: Sequence[str], some: C
     head, _, *rows = ([cell.strip() for cell in line.split("|")[1:-1]] for line in TABLE.findall(text)[0].splitlines())
     short = markdown(shown, ([row[head.index(name)] for name in shown] for row in rows if some(row)))
     left = TABLE.sub(lambda _: "\n".join([*short, ""]), text).rstrip()
-    return f"{left}\n\n[All columns]({written(page, heading, head, rows)})."
+    return f"{left}\n\n[The whole table]({written(page, heading, head, rows)})."

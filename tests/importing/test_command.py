@@ -81,7 +81,7 @@ def test_of_a_bag_it_is_said_how_it_becomes_tables(way: str, name: str, tmp_path
     for file in ("folder/metadata.yaml", name) if name != "folder" else ("folder/metadata.yaml",):
         (tmp_path / file).write_bytes(b"#ROSBAG")
     assert main([*way.replace("--out ", f"--out {tmp_path}/").split(), str(tmp_path / name)]) == 2
-    said = "make tables of its profiles and poses (docs/importing_bags.md)\n"
+    said = "make tables of its profiles and poses (docs/importing.md#other-forms)\n"
     printed, errors = capsys.readouterr()
     assert (printed, errors.count("\n"), errors[-len(said) :]) == ("", 1, said)
     assert not [*tmp_path.glob("*.h5"), *tmp_path.glob("*.json")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from workbench.cli import main
 from workbench.errors import InputError
 
 AXIS = {"linear_axis": {"direction": [0, 1, 0], "speed_mm_s": 50}}
-PAGE = Path(__file__).parents[2] / "docs" / "importing.md"
+EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "other_forms.py"
 Import = Callable[..., Recording]
 Mapped = Callable[..., Path]
 
@@ -65,30 +66,28 @@ def test_a_keyence_profile_by_a_mapping(tmp_path: Path, imported: Import, mapped
     assert_is_the_plate(made, z_offset_mm=80.0)
 
 
-@pytest.mark.parametrize(("form", "file"), [("TIFF", "a.tif"), ("grid", "g.csv"), ("Keyence raw", "a.bin")])
-def test_what_the_page_says_of_other_forms_makes_arrays(
-    form: str, file: str, tmp_path: Path, imported: Import, mapped: Mapped, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The page's own lines, run; what they refer to is refused with where they stand."""
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.parametrize("file", ["a.tif", "g.csv", "a.bin"])
+def test_other_forms_become_arrays(file: str, tmp_path: Path, imported: Import, mapped: Mapped) -> None:
+    """By the examples of the page, to which their refusal points."""
+    path, unit, forms = tmp_path / file, 1e5, runpy.run_path(str(EXAMPLE))
     x, z, y = makers.X_MM, makers.heights_mm(), makers.TRAVEL_MM
-    if form == "grid":
+    pitches = makers.PITCH_MM, makers.STEP_MM
+    if file == "g.csv":
         table = np.block([[np.zeros((1, 1)), x[None]], [y[:, None], np.nan_to_num(z, nan=-999.999)]])
-        Path(file).write_text("y/x" + "\n".join(",".join(f"{one:.6f}" for one in row) for row in table)[8:])
-    elif form == "TIFF":
-        skimage.io.imsave(file, np.rint(np.nan_to_num(z) / 0.002).astype("<u2"), check_contrast=False)
+        path.write_text("y/x" + "\n".join(",".join(f"{one:.6f}" for one in row) for row in table)[8:])
+        made = forms["grid"](path)
+    elif file == "a.tif":
+        skimage.io.imsave(path, np.rint(np.nan_to_num(z) / 0.002).astype("<u2"), check_contrast=False)
+        made = forms["heights"](skimage.io.imread(path), 0, 0.002, x[0], *pitches)
     else:
-        np.nan_to_num(np.rint((z - 80.0) / 8e-4) + 32768, nan=0).astype("<u2").tofile(file)
+        np.nan_to_num(np.rint((z - 80.0) / 8e-4) + 32768, nan=0).astype("<u2").tofile(path)
+        made = forms["keyence"](path, makers.COLUMNS, 80, x[0] * unit, pitches[0] * unit, pitches[1])
     with pytest.raises(InputError, match="#other-forms"):
-        imported(Path(file))
-    row = next(line for line in PAGE.read_text().splitlines() if line.startswith(f"| {form}"))
-    unit = 1e5 if form == "Keyence raw" else 1.0
-    names = {"np": np, "skimage": skimage, "code": 0, "z_pitch": 0.002, "z_unit": 80, "columns": makers.COLUMNS}
-    names |= {"x_pitch": makers.PITCH_MM * unit, "x_start": x[0] * unit, "y_pitch": makers.STEP_MM}
-    exec(max(row.split("`"), key=len), names)
-    np.savez("scan.npz", x=names["x"], z=names["z"], travel=names["y"])
-    offset_mm = 80.0 if form == "Keyence raw" else 0.0
-    assert_is_the_plate(imported(Path("scan.npz"), mapping=mapped(**AXIS)), offset_mm, 0.0011)
+        imported(path)
+    arrays = tmp_path / "scan.npz"
+    np.savez(arrays, **dict(zip(("x", "z", "travel"), made, strict=True)))
+    offset_mm = 80.0 if file == "a.bin" else 0.0
+    assert_is_the_plate(imported(arrays, mapping=mapped(**AXIS)), offset_mm, 0.0011)
 
 
 def test_whole_numbers_of_any_type_are_intensity(

@@ -32,7 +32,7 @@ BOTH = {"tracker", "joints"}  # that one file may hold
 CLOUDS = (".ply", ".pcd", ".las", ".laz", ".e57", ".stl", ".obj", ".xyz")
 NUMBERS = (".npy", ".tif", ".tiff", ".png", ".mat", ".bin", ".raw")
 BAGS = (".bag", ".db3", ".mcap")
-AS_TABLES = "a bag of ROS: a few lines of Python make tables of its profiles and poses (docs/importing_bags.md)"
+AS_TABLES = "a bag of ROS: a few lines of Python make tables of its profiles and poses (docs/importing.md#other-forms)"
 AS_ARRAYS = "a few lines of Python make arrays of it (docs/importing.md#other-forms)"
 AS_A_CLOUD = (
     "it is a cloud, and nothing of it goes into a recording: workbench run pipelines/inspect_cloud.json "

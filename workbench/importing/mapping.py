@@ -180,8 +180,9 @@ def read_mapping(path: Path) -> Mapping:
     """Read MAP.json. Raises InputError with all of its problems: line, JSON path, what was expected, nearest name."""
     tree = read_json(path, MAX_BYTES)
     if gone := {"keyence_raw", "height_map", "bag"} & tree.keys():
-        page = "importing_bags.md" if "bag" in gone else "importing.md#other-forms"
-        expected = f"no such part any more: a few lines of Python make arrays or tables of it (docs/{page})"
+        expected = (
+            "no such part any more: a few lines of Python make arrays or tables of it (docs/importing.md#other-forms)"
+        )
         raise InputError(f"{path}: {min(gone)}", expected)
     arrays = tree["arrays"] if isinstance(tree.get("arrays"), dict) else {}
     if gone := {"joints", "angle_unit", "urdf", "base_frame", "flange_frame"} & arrays.keys():

@@ -111,3 +111,9 @@ def test_below_a_root_run_the_gap_is_not_told_and_the_bevels_are() -> None:
     assert np.nanmax(np.abs(bevel.value - 35.444) / bevel.u) < 3.0
     plain = measured(groove(0, (side((THICK, 30.0)), PLAIN)))
     assert not any("a weld or a backing strip" in one for one in plain.warnings)
+
+
+def test_a_fillet_that_no_profile_fits_is_refused() -> None:
+    """A root run, taken for fillets in most profiles: it crashed."""
+    row = measure(("shop_floor_root_run", 11_600_002))
+    assert "are flank and fillet of the left plate a line and an arc" in row["refused"]

@@ -15,6 +15,7 @@ from workbench.edge.groove_frames import LEAST_FACE, ReadFrames
 from workbench.edge.groove_profile import DROP_MM, DROP_POINTS, SHARED, Kind, Side
 from workbench.edge.joint_lines import FaceLine, joined, meeting, typical
 from workbench.edge.residual_image import FaceImage, face_image
+from workbench.errors import InputError
 from workbench.geometry.chains import FaceLines, labelled_lines
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import Curve
@@ -272,6 +273,12 @@ def _below_flanks(view: _View, flank: SectionLines, fillets: Fillets) -> Section
             (angle[k], variances[0, k], place[k], variances[1, k]), fillet = found
             guess = fillet.radius_mm
             fillets.add(k, fillet)
+    if np.isnan(angle).all():
+        raise InputError(
+            view.cloud.source,
+            f"in no profile are flank and fillet of the {('left', 'right')[view.which]} plate a line and an arc: "
+            "does a root run, a bead or tape cover its root?",
+        )
     return replace(flank, place=place, angle=angle, angle_variance=variances[0], offset_variance=variances[1])
 
 

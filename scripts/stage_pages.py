@@ -24,12 +24,10 @@ from workbench.stage import Stage
 
 DIRECTORY, PICTURES = Path("docs/stages"), "pictures"
 NOTE = "<!-- This page and those of the stages are written by scripts.stage_pages -->"
-READING = """A page says what its stage takes and makes, how it does so, and which parameters it has, each with default
-(none: required), type, range and meaning. The end of a parameter's name is its unit; `null` means "not given"; a path
-starts at the pipeline's folder, or at the working directory in Python. In a pipeline a stage stands as
-`{"stage": NAME, PARAMETER: VALUE}` ([pipelines](../pipelines.md)); in Python it is a function, as the page's example
-shows. Input that cannot be used is refused with one line that names the cause (exit status 2, in Python an
-`InputError`). `workbench stages` lists all stages with a sentence each, `workbench stages NAME` what is refused."""
+READING = """A parameter has a default (none: required), type, range and meaning; the end of its name is its unit;
+`null` means "not given"; a path starts at the pipeline's folder, in Python at the working directory. A
+[pipeline](../pipelines.md) has a stage as `{"stage": NAME, PARAMETER: VALUE}`. Input that cannot be used is refused
+(exit status 2, in Python `InputError`); `workbench stages NAME` tells what is refused."""
 IMPLIED = {"number", "integer", "text", "true or false", "[number, number]", "[number, number, number]", "object"}
 EXAMPLE = re.compile(r"^Example:\n((?: +.*\n?|\n)+)", re.MULTILINE)
 RAISES = re.compile(r"^Raises:\n((?: +.*\n?)+)", re.MULTILINE)

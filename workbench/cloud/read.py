@@ -35,7 +35,7 @@ def read(
 ) -> PointSet:
     """Read a cloud: PLY, PCD, XYZ, STL or OBJ vertices (Open3D), LAS or LAZ (laspy), E57 (pye57).
 
-    In the robot's base or any other frame, in the file's precision and order; an organised PCD keeps rows and columns.
+    In the file's frame, precision and order; an organised PCD keeps rows and columns.
     NaN points are left out; scans of an E57 file are placed by their poses.
 
     Args:

@@ -61,8 +61,7 @@ def deviation(
         reference: from `compare.surface`, `compare.mesh` or `compare.plan`.
         registration: moves the scan; without it, both are taken as they lie in the base.
         edge: gives arc lengths; without it the plan's path does, or the scan's longest direction.
-        position_u_mm: standard uncertainty of the scan's place along a normal by robot and fixture. Counts without a
-            registration, for a single face, and where passes have no face in common.
+        position_u_mm: standard uncertainty of the scan's place along a normal (docs/comparison.md).
         spacing_mm: between the places that are compared.
         normal_mm: D, diameter of the neighbourhood of a normal.
         projection_mm: d, diameter of the averaged cylinder.

@@ -61,10 +61,7 @@ BevelNominal: TypeAlias = Annotated[
 ]
 Limits: TypeAlias = Annotated[
     dict[str, Bound],
-    Field(
-        description="limits of the checks of this stage by name (docs/checks.md); the results name one that passes "
-        "only by a wider limit."
-    ),
+    Field(description="limits of the checks of this stage by name (docs/checks.md)."),
 ]
 
 

@@ -53,8 +53,7 @@ def segment_groove(
     Args:
         cloud: the organised cloud of one groove, in one or more passes from above it.
         groove: type by ISO 9692-1, or `auto`. Types that look alike from one side are all named.
-        edge_condition: as in `edge.segment`, of the roots: a bevel without root face ends in a knife edge, which is
-            blunted by as much as its prior says.
+        edge_condition: as in `edge.segment`, of the roots (docs/grooves.md).
         sensor: as in `edge.segment`.
 
     Raises:

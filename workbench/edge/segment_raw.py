@@ -99,8 +99,7 @@ def segment_raw(
             in view.
         edge_condition: as in `edge.segment`, of both edges.
         sensor: as in `edge.segment`.
-        robot_noise_mm: as in `edge.segment`; null: averaged over what robots have, with its length: short waves of the
-            edge may then count as the robot's.
+        robot_noise_mm: as in `edge.segment`; null: averaged over what robots have, with its length.
         robot_drift_u_mm: declared standard uncertainty of the edge's place in the base by slow errors of the robot
             (drift, path accuracy).
 

@@ -62,8 +62,7 @@ def sections(
     """Measure root face and bevel angle in equidistant sections (the paper's section 6.3, Figs. 20 and 21) and judge.
 
     Section i lies at (i - 1/2)/n of the measured stretch, in the plane normal to the lower edge. Verdicts by ISO
-    14253-1, the guard band being guard_factor * u (docs/conventions.md); a hidden section is undecided, and so is a
-    pass that rests on what this recording does not show, until that is accepted by name.
+    14253-1 (docs/conventions.md); a hidden section is undecided.
 
     Args:
         edge: the measured edge.

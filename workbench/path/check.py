@@ -75,8 +75,8 @@ def check(
     clamp and enters what remains by at most `penetration_mm` + 3 u. Feeds stay within v_slow, v_fast and the
     acceleration. With a predicted deflection or a correction the loaded tool must come where planned, too.
 
-    Without evidence of where the part stands the path is a shape only (docs/planning.md). A `penetration_mm` above
-    0.05, or a path that rests on one not yet milled, loosens the check. Either way the exit status is 1.
+    Without evidence of where the part stands the path is a shape only (docs/planning.md); `penetration_mm` above 0.05,
+    or an upper bevel not yet milled, loosens the check: exit status 1.
 
     Args:
         toolpath: the path.

@@ -74,8 +74,7 @@ def layers(
     """Plan the milling of a bevel in layers, from the stock to the finished face (the paper's 4.3 and 6.1, Fig. 13).
 
     Key points lie every 1 mm of the lower edge, in the middle of the layer's bevel face (docs/conventions.md). What was
-    not measured is not cut; the cutter is lifted over it and over clamps. Allowance, leads, compound bevels, J
-    preparations: docs/planning.md.
+    not measured is not cut (docs/planning.md).
 
     Args:
         edge: the measured raw edge.

@@ -115,9 +115,8 @@ def rework(
 ) -> Rework:
     """Plan to mill again where an inspection fails by too much material.
 
-    A place that fails (ISO 14253-1) is milled to the required bevel in layers of the first plan's depth of cut. Where
-    too much is gone, place and amount are reported. A path that cannot be planned or fails its checks is left out with
-    a warning.
+    A place that fails (ISO 14253-1) is milled in layers of the first plan's depth of cut. Where too much is gone, place
+    and amount are reported. A path that fails its checks is left out with a warning.
 
     Args:
         edge: the milled edge as measured.

@@ -61,8 +61,8 @@ def write(
     """Write the moves as a program for the robot's controller (docs/controllers.md).
 
     It is read back and driven through the cell (docs/programs.md); what fails leaves no program. `program_check.json`
-    has violations and the nearest approaches. The program declares a tool or work object that the cell file does not
-    name, with the tool centre point on the cutter's flank. Files are ASCII.
+    has violations and the nearest approaches. A tool or work object that the cell file does not name is declared, with
+    the tool centre point on the cutter's flank.
 
     Args:
         moves: the path as straight and circular moves.

@@ -29,8 +29,7 @@ def inspection(
 ) -> Chapter:
     """The inspection as a chapter of the report: verdict, drawings, charts, tables.
 
-    Section planes on the cloud; each section's points and lines; sizes along the edge (the paper's Figs. 20 and 21)
-    with tolerance, guard and uncertainty bands (U = 2 u); a view in three dimensions.
+    Sizes along the edge have tolerance, guard and uncertainty bands (U = 2 u).
 
     Args:
         cloud: the cloud that was inspected; it is thinned before it is drawn, never copied.

@@ -113,8 +113,7 @@ def plan(
 ) -> Chapter:
     """The plan as a chapter of the report: scan, path, layers, feed, times, refusals.
 
-    The steps of the paper's Fig. 8, layers (Fig. 13), feed (Fig. 14), and the engagement, if milled in simulation. Root
-    face and bevel angle are those of the path against the scanned edge, with U = 2 u.
+    Root face and bevel angle are those of the path against the scanned edge, with U = 2 u.
 
     Args:
         cloud: the cloud of the raw edge.

@@ -31,14 +31,13 @@ def fuse(
 
     base_from_profiler = base_from_flange(t) @ flange_from_profiler: position linear within each pass, orientation by
     slerp. The cloud keeps the scanner's grid, without copied frames, copied passes and columns that measured nothing.
-    A recording that contradicts itself is refused, with the suspicion named (docs/checks.md).
+    A recording that contradicts itself is refused (docs/checks.md).
 
     Args:
         recording: profiles and flange poses on one clock.
         hand_eye: a `handeye.json` to use instead of the recording's own calibration.
         scan_plan: the `scan-plan.json` that was to be followed; departures are among the checks.
-        limits: limits of checks by name (docs/checks.md). A check that passes only by a wider limit is named in the
-            results, and a path then ends with status 1.
+        limits: limits of checks by name (docs/checks.md).
 
     Raises:
         InputError: no calibration, or an improper one; a recording on the profiler's own clock, or one that fails a

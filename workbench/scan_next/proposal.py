@@ -120,8 +120,7 @@ def next_(
     """Name the pass that would decide an undecided inspection.
 
     Of elevations 10 deg apart it is the one that will probably decide most sections (docs/scan_planning.md, "The next
-    scan"). `next_scan.json` is an `edge` for `plan_scan.json`; it is written only if some section is decided more
-    likely than not.
+    scan"). `next_scan.json` is written only if some section is decided more likely than not.
 
     Args:
         cloud: the recording that was inspected.

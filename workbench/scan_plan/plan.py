@@ -170,8 +170,7 @@ def plan(
 ) -> tuple[ScanPlan | PlannedScan | Document | Chapter | Gate, ...]:
     """Plan the passes of a scan that reach the wanted U.
 
-    Of the passes that robot, plate, fixtures and light paths allow, the set of least time that reaches the wanted U is
-    chosen (docs/scan_planning.md); otherwise exit status 1, with what limits it and what would help.
+    The set of least time that reaches it is chosen (docs/scan_planning.md), or the exit status is 1.
 
     Args:
         cell: the robot cell; without one reach and shadows are not looked at, and the plan says so.

@@ -49,8 +49,8 @@ def program(
 ) -> tuple[Document | Chapter | Gate, ...]:
     """Write a program for each pass of a planned scan (docs/scan_planning.md).
 
-    Home, profiler on (`trigger_signal`), the pass, off, home. Judged as a milling program (docs/programs.md), with the
-    scanner as tool and the plate as a body. The head says how to log the poses.
+    Home, profiler on (`trigger_signal`), the pass, off, home; judged as a milling program (docs/programs.md). The head
+    says how to log the poses.
 
     Args:
         plan: the planned scan.

@@ -29,8 +29,8 @@ def scan(
 ) -> Recording:
     """Scan the workpiece as it is now, with the scanner, passes and robot of its recipe (docs/simulation.md).
 
-    A planned scan (`scan.plan`) brings its passes and its profiler. A raw part gives what `workbench simulate` gives
-    for the recipe; after each milling all random numbers but those of the hand-eye calibration are new.
+    A planned scan (`scan.plan`) brings its passes and its profiler. After each milling all
+    random numbers but those of the hand-eye calibration are new.
 
     Args:
         workpiece: the part as it is now.

@@ -85,8 +85,7 @@ def hand_eye(
 ) -> tuple[HandEye, Calibration, Document]:
     """Find the profiler's pose on the flange from a fixed sphere (the paper's section 3; equations (1) to (3)).
 
-    Maximum likelihood on (x_c, z_c, w = r^2), with the sphere's radius and the profiler's scales as unknowns with
-    priors (docs/calibration.md). Gross postures are rejected and named. Scans over the sphere also give the offset of a
+    Maximum likelihood on (x_c, z_c, w = r^2) (docs/calibration.md). Scans over the sphere also give the offset of a
     profiler's own clock.
 
     Args:

@@ -141,7 +141,6 @@ def plan(
 ) -> tuple[PosturePlan, Document]:
     """Propose the next postures: D-optimal on the predicted information, within the limits given.
 
-    Candidates are chosen greedily and by exchange (Fedorov 1972), with the noise that the calibration rests on.
     `calibration_plan.csv`: flange poses in order, and the uncertainty after each.
 
     Args:

@@ -98,8 +98,8 @@ def tcp(
     """Determine the tool's points on the flange from touches, and its axis from two of them.
 
     Weighted least squares: touch i means R_i p + t_i = c, or |R_i p + t_i - c| = d (`stand_off_mm`), for the tool point
-    p and the reference c. Touches less than 1 deg apart weigh as one; one off by 5 standard deviations is left out,
-    with the cause. The first tool point is the tip, the last one gives the axis (docs/howto/calibrate_tool.md).
+    p and the reference c. A touch off by 5 standard deviations is left out. The first tool point is the tip,
+    the last one gives the axis.
 
     Args:
         profiles: of scanned references: circles from `calibrate.circles`.

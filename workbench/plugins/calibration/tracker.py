@@ -156,9 +156,8 @@ def tracker(
 ) -> tuple[Document, Chapter]:
     """Register a robot to a laser tracker, and estimate its joint offsets and lengths.
 
-    x = T (base_from_flange p), registration T and target p unknown; with joint angles and the cell's model also
-    offsets, lengths and tilts of axes (maximum a posteriori). Residuals above the noise enlarge the
-    covariance. `robot.json`: docs/howto/calibrate_robot.md.
+    x = T (base_from_flange p), registration T and target p unknown (docs/howto/calibrate_robot.md). Residuals above the
+    noise enlarge the covariance.
 
     Args:
         readings: a CSV of tracker readings (docs/howto/calibrate_robot.md).

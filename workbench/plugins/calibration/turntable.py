@@ -170,9 +170,8 @@ def turntable(
 ) -> tuple[Document, Chapter]:
     """Determine a turntable's axis in the base from markers measured at two or more angles.
 
-    Marker q at angle a lies at c + R(d, a) (q - c): least squares over direction d, axis point c and markers. Angles
-    less than 0.1 deg apart weigh as one; a point off by 5 standard deviations is left out, with the cause. An even
-    drift over the rows and the error of each angle are unknowns. `turntable.json`: docs/howto/calibrate_tool.md.
+    Marker q at angle a lies at c + R(d, a) (q - c): least squares over direction d, axis point c and markers. A point
+    off by 5 standard deviations is left out. An even drift over the rows and the error of each angle are unknowns.
 
     Args:
         profiles: of scanned spheres: circles from `calibrate.circles`.

@@ -45,9 +45,8 @@ def chatter(
 ) -> tuple[PathStability, Document, Chapter]:
     """Whether the cut chatters: the least unstable depth over the depth, along the path, with U (docs/stiffness.md).
 
-    Mode coupling and regeneration in one model, for up-milling (as the path runs) and down-milling. Then layers,
-    direction and speed of least time are chosen within the margin, the spindle's torque and power and the root face's
-    tolerance. Writes `chatter.json`.
+    For up-milling (as the path runs) and down-milling. Then layers, direction and speed of least time are chosen within
+    the margin, the spindle's torque and power and the root face's tolerance: the `choice` in `chatter.json`.
 
     Args:
         cell: the robot.

@@ -67,9 +67,8 @@ def identify(
 ) -> tuple[JointStiffness, Chapter, Document]:
     """Identify the joints' stiffness from loads and displacements (the paper's sections 5.2 and 6.2, eq. (24)).
 
-    Weighted least squares for the compliance, by the cell file's noise, (27) and (28) corrected, springs and loads in
-    balance. Contradictory points and loads are rejected; what six springs do not explain is named and in u
-    (docs/stiffness_metrology.md).
+    Weighted least squares for the compliance, (27) and (28) corrected, springs and loads in balance. Contradictory
+    points and loads are rejected; what six springs do not explain is in u (docs/stiffness_metrology.md).
 
     Args:
         cell: the cell; its `loading` says where sensor, tool and targets sit.

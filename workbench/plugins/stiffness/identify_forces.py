@@ -103,8 +103,7 @@ def identify_forces(
 ) -> tuple[Document, Chapter]:
     """Cutting and edge coefficients from the mean forces of whole turns at two feeds or more (Budak et al. 1996).
 
-    Means are free of the dynamometer's resonances; waveforms serve for spindle speed, sense of rotation, run-out, and
-    a check that the lines of the teeth are those of the coefficients. Writes `coefficients.json` for `stiffness.force`.
+    Waveforms give spindle speed, sense of rotation and run-out. Writes `coefficients.json` for `stiffness.force`.
 
     Args:
         recordings: DynoWare exports, or tables with the columns fx_n, fy_n, fz_n and time_s, one a feed.

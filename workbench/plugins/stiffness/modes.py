@@ -73,9 +73,8 @@ def modes(
 ) -> tuple[RobotModes, Document, Chapter]:
     """Mass, stiffness and damping of the robot at the tool, declared or fitted to tap tests.
 
-    Rigid links on springs and dampers, with masses from the URDF (or given) and declared damping; with tap tests these
-    are priors of the fit, beside which gain and delay of hammer and pick-up, centres and inertias of the links and what
-    gives beside the joints are unknown. Writes `modes.json`.
+    Rigid links on springs and dampers, with masses from the URDF (or given) and declared damping: with tap tests
+    priors of the fit (docs/stiffness.md). Writes `modes.json`.
 
     Args:
         cell: the robot, with its tool's mass and centre of gravity.

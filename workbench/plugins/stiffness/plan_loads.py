@@ -118,8 +118,8 @@ def plan_loads(
 ) -> tuple[LoadPlan, Document]:
     """Plan loading tests that determine the worst joint best.
 
-    Pairs of opposite forces in 13 directions at the cell's load points are added until every joint reaches the target,
-    then exchanged while that helps. What is promised is what `stiffness.identify` will state, its causes included.
+    Pairs of opposite forces at the cell's load points are added until every joint reaches the target. What is promised
+    is what `stiffness.identify` will state.
 
     Args:
         cell: the cell; chosen postures are within limits and free of collision in it.
@@ -129,8 +129,7 @@ def plan_loads(
         postures: largest count of postures, where they are chosen.
         loads_per_posture: largest count of loads at a posture.
         force_n: of each load.
-        target_relative_u: ratio of standard uncertainty, by noise alone, to stiffness to reach for every joint; 0.025:
-            95 % of results within 5 %.
+        target_relative_u: ratio of standard uncertainty, by noise alone, to stiffness to reach for every joint.
         scale_relative_u: ratio of the two scales, as in `stiffness.identify`.
         as_built_u: factor on u of what is not as built, as in `stiffness.identify`.
         targets: count of tracked points; 0: the tool frame's displacement in six dimensions.

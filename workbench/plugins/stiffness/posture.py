@@ -106,8 +106,7 @@ def posture(
 ) -> tuple[Postures, PathGate | None, Document, Chapter] | tuple[PathGate] | None:
     """Choose cutter rotation and turntable angle of least deflection: eq. (25), Fig. 17.
 
-    The proven optimum of the grid: the least mean displacement J K^-1 J^T f, or without known stiffness the least
-    awkwardness (nearness to singular postures and limits), with the tilt of the turntable and the track, within the
+    The proven optimum of the grid: least mean displacement, or without known stiffness least awkwardness, within the
     cell's margins and, with known modes, a margin from chatter (docs/stiffness.md). Writes `posture.json`.
 
     Args:
@@ -130,8 +129,7 @@ def posture(
         planned_tilt_deg: likewise of its tilt.
         whole_map: false: cells worse than the optimum are not examined for collision.
         map_step_deg: of the map's grid, if larger; each free cell takes about 2 ms.
-        least_margin: with modes: least ratio of unstable depth, less U, to the depth; if no posture has it the gate
-            rejects the path.
+        least_margin: with modes: least ratio of unstable depth, less U, to the depth.
         stations: number of places at which that is judged.
 
     Raises:

@@ -13,7 +13,7 @@ from workbench.checks.sensor import some
 from workbench.geometry.blocks import as_input
 from workbench.geometry.medians import median_of
 from workbench.kernels import kernel
-from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int
+from workbench.units import DEG, TO_SD, AnyArray, Bool, Float, Float32, Int
 
 FRAMES, LEAST_FRAMES = 240, 4  # evenly, with both faces
 LOOKED_AT = 8  # times as many frames, among which those that show a face are found
@@ -83,7 +83,7 @@ def stands_out(cloud: Cloud, labels: AnyArray, one: int, other: int) -> StandsOu
     if len(out) < LEAST_FRAMES:
         return NOTHING
     corner, close = np.median(out, axis=0)
-    spread = float(np.median(np.abs(out[:, 1] - close))) / 0.6745
+    spread = float(np.median(np.abs(out[:, 1] - close))) * TO_SD
     kept = out[np.abs(out[:, 1] - close) <= ODD * spread, 1]
     return StandsOut(float(corner), float(kept.mean()), float(kept.std() / math.sqrt(len(kept))))
 
@@ -227,5 +227,5 @@ def fitted_line(x: Float32, z: Float32, on: Int, off: Float, line: Float) -> flo
             off[k] = abs(off_line(line, x[on[k]], z[on[k]]))
         middle = median_of(off[: len(on)].copy(), len(on))
         limit = STRAY * middle + 1e-9
-    line[4] = middle / 0.6745
+    line[4] = middle * TO_SD
     return limit

@@ -15,7 +15,7 @@ from workbench.checks.sensor import some
 from workbench.geometry.blocks import as_input
 from workbench.geometry.medians import median_of, row_medians, select
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Bool, Float, Int, Shaped
+from workbench.units import TO_SD, AnyArray, Bool, Float, Int, Shaped
 
 RUNS, RUN_FRAMES = 8, 24  # of a pass, evenly: frames next to each other, which show a rough face at nearly one place
 LEAST_BENDS = 8  # third differences that tell
@@ -280,7 +280,7 @@ def _lay(
             used = _offsets(surface[p], slope[p], surface[p + 1], at, centre, motion[p], off, jacobian)
             for j in range(used):
                 work[j] = abs(off[j])
-            spread[p] = select(work, used, (used - 1) // 2) / 0.6745 if used else np.inf
+            spread[p] = select(work, used, (used - 1) // 2) * TO_SD if used else np.inf
             agreeing[p] = _equations(off[:used], jacobian, spread[p], rows)
             for a in range(3):
                 for b in range(3):

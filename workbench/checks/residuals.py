@@ -14,7 +14,7 @@ from workbench.checks.limits import Bound, check
 from workbench.checks.motion import twisted
 from workbench.geometry.medians import median, medians
 from workbench.geometry.poses import vector_from_rotation
-from workbench.units import DEG, Bool, Float, Int, Shaped
+from workbench.units import DEG, TO_SD, Bool, Float, Int, Shaped
 
 SURE = 5.0  # of a difference of every second frame, times its standard uncertainty
 LEAST_FRAMES = 48  # that tell how frames go together
@@ -32,7 +32,7 @@ def every_second(left: Float, passes: Int) -> float:
         if min(one.size, other.size) < LEAST_FRAMES // 2:
             continue
         middle = median(one), median(other)
-        scatter = [median(np.abs(of - m)) / 0.6745 for of, m in zip((one, other), middle, strict=True)]
+        scatter = [median(np.abs(of - m)) * TO_SD for of, m in zip((one, other), middle, strict=True)]
         apart = abs(middle[0] - middle[1])
         if apart > SURE * 1.2533 * math.hypot(scatter[0] / math.sqrt(one.size), scatter[1] / math.sqrt(other.size)):
             found = max(found, 0.5 * apart)

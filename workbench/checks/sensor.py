@@ -11,7 +11,7 @@ import numpy as np
 from workbench.geometry.blocks import as_input
 from workbench.geometry.medians import median, row_medians
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Bool, Float, Int
+from workbench.units import TO_SD, AnyArray, Bool, Float, Int
 
 PIECE = 48  # columns of one straight piece
 LAGS = 24
@@ -30,7 +30,7 @@ BENT = 4.0  # median bends: an outlier that was averaged enters and leaves the m
 STRAIGHT, LEAST_NOISE_MM = 1.4, 1e-6  # median misfits: a bent, broken or rough piece has more; held values have less
 ROUNDED, NO_NOISE_MM = 4.0, 3e-5  # misfits without noise: steps of float32, or less than what any filter leaves of one
 QUIET_MM = 1e-3  # second differences of lateral places then: with axes swapped the noise is in these
-THIRD_OF_NOISE = 0.6745 * math.sqrt(20.0)  # median of 1, -3, 3, -1, of noise of 1: rays in a fan bend a steep face
+THIRD_OF_NOISE = math.sqrt(20.0) / TO_SD  # median of 1, -3, 3, -1, of noise of 1: rays in a fan bend a steep face
 EVEN = 0.05  # by how much steps that are alike differ
 TOP, HALF, BELOW = (np.linspace(*ends, 9) for ends in ((0.42, 0.5), (0.2, 0.3), (0.1, 0.3)))  # per sample: `fading`
 FILTERED = 0.05  # as little of the noise is left at two columns where a filter has smoothed by 0.7 columns and more

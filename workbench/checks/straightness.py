@@ -13,7 +13,7 @@ from workbench.checks.corners import face_columns, fitted_line, frames_with, off
 from workbench.checks.limits import Bound, check
 from workbench.geometry.blocks import as_input
 from workbench.kernels import kernel
-from workbench.units import DEG, AnyArray, Bool, Float, Float32
+from workbench.units import DEG, TO_SD, AnyArray, Bool, Float, Float32
 
 FRAMES, LEAST_FRAMES = 120, 4  # evenly, that show the face
 PLACES, LEAST_PLACES = 36, 8  # on the face, from end to end; each holds a return of most frames
@@ -106,7 +106,7 @@ def _shape(place: Float, of_frames_mm: Float, width_mm: float) -> Straightness:
     size = (shapes**2).sum(axis=1, keepdims=True)
     shares, off = shapes / size, left_mm - line @ (line.T @ left_mm)
     found, scattered = shares @ off, np.nan_to_num(of_frames_mm - left_mm) @ shares.T
-    u = MEDIAN_U * np.median(np.abs(scattered), axis=0) / 0.6745 / math.sqrt(len(scattered))
+    u = MEDIAN_U * np.median(np.abs(scattered), axis=0) * TO_SD / math.sqrt(len(scattered))
     rest = off @ off - found**2 * size[:, 0]
     bowed = Straightness(width_mm, float(found[0]) / 4.0, float(u[0]) / 4.0)
     best = 1 + int(rest[1:].argmin())

@@ -20,7 +20,7 @@ import numpy as np
 import scipy
 
 from workbench.edge.groove_profile import TRIM_MM
-from workbench.units import DEG, Float, Shaped
+from workbench.units import DEG, TO_SD, Float, Shaped
 
 LEAST_ARC, LEAST_POINTS = 8, 12  # returns of a fillet alone; with its flank
 LEAST_SHARE = 0.2  # of the noise that counts across it, at least
@@ -113,7 +113,7 @@ def misfit_mm(fillets: Sequence[Fillet]) -> float:
     """
     left = np.array([one.left_mm for one in fillets])
     middle = np.median(left, axis=0)
-    noise = 1.2533 * np.median(np.abs(left - middle), axis=0) / 0.6745 / math.sqrt(len(left))
+    noise = 1.2533 * np.median(np.abs(left - middle), axis=0) * TO_SD / math.sqrt(len(left))
     return math.sqrt(max(float(np.mean(middle**2 - noise**2)), 0.0))
 
 
@@ -269,4 +269,4 @@ def _fillet(
 
 
 def _rms(left: Float) -> float:
-    return 1.4826 * float(np.median(np.abs(left)))
+    return TO_SD * float(np.median(np.abs(left)))

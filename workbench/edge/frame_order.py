@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from workbench.artefacts import Cloud
-from workbench.units import Float, Int
+from workbench.units import TO_SD, Float, Int
 
 
 def scatter(left: Float, variance: Float) -> float:
@@ -19,7 +19,7 @@ def scatter(left: Float, variance: Float) -> float:
     good = np.isfinite(left) & np.isfinite(variance)
     if not good.any():
         return 0.0
-    found = 1.4826 * float(np.median(np.abs(left[good])))
+    found = TO_SD * float(np.median(np.abs(left[good])))
     return math.sqrt(max(found**2 - float(np.median(variance[good])), 0.0))
 
 

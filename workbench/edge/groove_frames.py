@@ -22,7 +22,7 @@ from workbench.edge.measure import UNDETERMINED, check_advance, edge_direction
 from workbench.errors import InputError
 from workbench.geometry.curves import Curve, along_motion, fit_curve
 from workbench.geometry.poses import inverse
-from workbench.units import Bool, Float, Int, Shaped
+from workbench.units import TO_SD, Bool, Float, Int, Shaped
 
 BLIND_SHARE = 0.5  # of profiles: the ends beside true gaps share their columns in up to 0.02, beside blind ones in all
 SAMPLE = 24  # profiles that show which way is up
@@ -173,7 +173,7 @@ def _steady(corners: Float, group: Int) -> Bool:
         for _ in range(2):
             near = mine[out[mine]]
             off = np.abs(corners[near] - scipy.ndimage.median_filter(corners[near], (NEIGHBOURS, 1), mode="nearest"))
-            wide = np.maximum(STEADY_SIGMAS * np.median(off, axis=0) / 0.6745, STEADY_MM)
+            wide = np.maximum(STEADY_SIGMAS * np.median(off, axis=0) * TO_SD, STEADY_MM)
             out[near] = (off < wide).all(axis=1)
     return out
 

@@ -34,7 +34,7 @@ from workbench.geometry.processes import Process, Shared
 from workbench.geometry.sections import SectionLines, in_section, section_lines
 from workbench.geometry.silhouette import Ends, find_end, reached_mm, settled
 from workbench.geometry.splines import Spline, through
-from workbench.units import Bool, Float, Int, Shaped
+from workbench.units import TO_SD, Bool, Float, Int, Shaped
 
 ROUGH_SLOPE = 2.0  # slope of a rough face over its height, 1/mm: waves of some mm
 # Roughness within frames from which a face is its local plane: beyond texture, which bins average, and over the range
@@ -560,7 +560,7 @@ def _vibration(cloud: Cloud, stand_out: Float) -> Float:
     for p in np.unique(cloud.pass_index):
         mine = np.flatnonzero((cloud.pass_index == p) & np.isfinite(stand_out))
         second = np.abs(np.diff(stand_out[mine], 2)) if mine.size > 2 else np.zeros(1)
-        out[cloud.pass_index == p] = float(np.median(second)) / 0.6745 / math.sqrt(6.0)
+        out[cloud.pass_index == p] = float(np.median(second)) * TO_SD / math.sqrt(6.0)
     return out
 
 
@@ -583,7 +583,7 @@ def _in_patches(found: RawFaces, sigma: float) -> bool:
     on = face.count > 5
     height2 = (face.szz - face.sxz**2 / face.sxx)[on] / (face.count[on] - 2) - sigma**2
     quarter, half = np.percentile(height2, [25.0, 50.0])
-    quarter += 0.6745 * sigma**2 * math.sqrt(2.0 / float(np.median(face.count[on])))  # noise alone makes it less
+    quarter += sigma**2 / TO_SD * math.sqrt(2.0 / float(np.median(face.count[on])))  # noise alone makes it less
     return bool(quarter < PATCHES * half)
 
 
@@ -594,7 +594,7 @@ def _range_noise(cloud: Cloud, found: RawFaces) -> float:
     z = np.where(cloud.keep[frames] & (found.labels[frames] == ROOT_FACE), cloud.z_mm[frames], np.nan).astype(float)
     bend = np.abs(z[:, :-3] - 3.0 * z[:, 1:-2] + 3.0 * z[:, 2:-1] - z[:, 3:])
     bend = bend[np.isfinite(bend)]
-    return max(float(np.median(bend)) / 0.6745 / math.sqrt(20.0), 1e-3) if bend.size else 0.02
+    return max(float(np.median(bend)) * TO_SD / math.sqrt(20.0), 1e-3) if bend.size else 0.02
 
 
 def _lean(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, tilt: Course, sigma: float) -> float:

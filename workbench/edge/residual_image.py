@@ -23,7 +23,7 @@ from workbench.geometry.blocks import as_input, evenly
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.medians import median, row_medians
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
+from workbench.units import TO_SD, AnyArray, Bool, Float, Float32, Int, Shaped
 
 FRAMES, LEAST_FRAMES = 480, 4  # evenly over each pass; of a stretch at the least
 STRETCH_MM, STRETCH_FRAMES = 40.0, 30  # of edge, whose frames are pooled; as long as it takes for so many
@@ -251,7 +251,7 @@ def _pooled(value: Float, s: Float, place_mm: Float, lean: Float, group: Int, mo
         return None
     middle = np.stack([_trimmed(value[of[k]]) for k in keep])
     left = np.concatenate([value[of[k]] - m for k, m in zip(keep, middle, strict=True)])
-    spread = 3.0 * 1.4826 * row_medians(np.abs(left).T) + 1e-9
+    spread = 3.0 * TO_SD * row_medians(np.abs(left).T) + 1e-9
     seen = np.sqrt(sum(count[k] for k in keep))
     left = np.where(np.isnan(left), 0.0, left).clip(-spread, spread)
     covariance = left.T @ left / (seen[:, None] * seen)
@@ -266,7 +266,7 @@ def _pooled(value: Float, s: Float, place_mm: Float, lean: Float, group: Int, mo
 def _trimmed(value: Float) -> Float:
     """Means of (f, p) over the frames, values far beyond the others cut back."""
     middle = row_medians(value.T)
-    reach = 3.0 * 1.4826 * row_medians(np.abs(value - middle).T) + 1e-9
+    reach = 3.0 * TO_SD * row_medians(np.abs(value - middle).T) + 1e-9
     cut = value.clip(middle - reach, middle + reach)
     known = np.isfinite(cut)
     return np.asarray(np.where(known, cut, 0.0).sum(axis=0) / known.sum(axis=0))

@@ -21,7 +21,7 @@ from workbench.geometry.medians import median
 from workbench.geometry.processes import Process, Shared
 from workbench.geometry.splines import through
 from workbench.kernels import kernel
-from workbench.units import Bool, Float, Int, Shaped
+from workbench.units import TO_SD, Bool, Float, Int, Shaped
 
 # Of a cell: that a stretch off the face begins, and ends, with ragged heights and with one height.
 BEGIN, END = np.array([0.1, 0.01]), np.array([0.3, 0.2])
@@ -33,7 +33,7 @@ ODDS = 0.3  # of an edge that is prolonged somewhere, and of one that is shorten
 STEPPED = 0.3  # of stretches that stand off by one height: that the edge itself steps, as no return tells
 JUMP = 3.0  # standard deviations of neighbours: half a column's step, as ends pass from column to column, is 2.4
 # Cells on each side, of which so many are taken for the face's own at first; how far so many lie low by chance
-NEAR, LOW, LOWER = 10, 0.25, 0.6745
+NEAR, LOW, LOWER = 10, 0.25, 1.0 / TO_SD
 LEAST_CELLS, LEAST_OWN, MOST_ROUNDS, SETTLED = 8, 0.2, 3, 0.01
 LONGEST = 200  # cells of a stretch
 LEAST_SHARE = 0.3  # of the cells that are the face's own: what fewer say is no face, however well the others follow
@@ -375,7 +375,7 @@ def waves_u(s: Float, left: Float, pass_index: Int, floor: float) -> float:
             continue
         value = left[on[np.argsort(s[on], kind="stable")]]
         value = value - median(value)  # passes may lie beside each other
-        usual = STRAYS * 1.4826 * median(np.abs(value))
+        usual = STRAYS * TO_SD * median(np.abs(value))
         value = value.clip(-usual, usual)
         own = float((value**2).mean())
         shared = max(abs(float((value[lag:] * value[:-lag]).mean())) for lag in LAGS)

@@ -15,7 +15,7 @@ import numpy as np
 from workbench.geometry.blocks import as_input, as_rows
 from workbench.geometry.medians import median_of
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Float, Float32, Int, Shaped
+from workbench.units import TO_SD, AnyArray, Float, Float32, Int, Shaped
 
 LINE_PRICE = 40.0  # squared sigmas that a further line must save
 POINT_PRICE = 14.0  # squared sigmas above which a point is better left out
@@ -114,7 +114,7 @@ def _near_line(x: Float32, z: Float32, on: Int, off: Float, count: int) -> int:
     slope, stray = sxz / max(sxx, 1e-12), np.empty(count, np.int64)
     for k in range(count):
         off[k] = abs(np.float64(z[on[k]]) - mz - slope * (np.float64(x[on[k]]) - mx))
-    limit = STRAY_SIGMAS * (1.4826 * median_of(off[:count].copy(), count) + MIN_SIGMA_MM)
+    limit = STRAY_SIGMAS * (TO_SD * median_of(off[:count].copy(), count) + MIN_SIGMA_MM)
     kept = 0
     for k in range(count):
         if off[k] > limit:
@@ -143,7 +143,7 @@ def _noise_sigma(z: Float) -> float:
             break
         for i in range(n):
             second[i] = abs(z[i] - 2.0 * z[i + step] + z[i + 2 * step])
-        sigma = max(sigma, median_of(second, n) / 0.6745 / math.sqrt(6.0))
+        sigma = max(sigma, median_of(second, n) * TO_SD / math.sqrt(6.0))
     return sigma
 
 

@@ -22,7 +22,7 @@ from workbench.geometry.penalised import Penalised, penalised
 from workbench.geometry.processes import Correlated, Process, Shared, correlated, shapes_told
 from workbench.geometry.splines import Spline
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Bool, Float, Int, Shaped
+from workbench.units import TO_SD, AnyArray, Bool, Float, Int, Shaped
 
 BIN_MM, LEAST_BINS = 2.0, 40  # frames are averaged over this much edge, or over this part of a short one
 LEAST_PIECES = 5  # of the spline; else its knots are two bins apart
@@ -227,7 +227,7 @@ def _unfollowed(course: Course, values: Values) -> Course:
         size, sure, step = np.empty(count), np.empty(count), np.empty(count - 1)
         _lasting(as_input(off[mine]), size, step)
         _lasting(as_input(off[mine] * np.sqrt(weight[mine])[:, None]), sure, step)
-        limit = max(1.0, AGREED * median(step), OUTLIER_SIGMAS * median(sure) / 0.6745)
+        limit = max(1.0, AGREED * median(step), OUTLIER_SIGMAS * median(sure) * TO_SD)
         together[mine] = size * (sure > limit)  # in their own noise: values that know little depart from little
     if not together.any():
         return course
@@ -591,7 +591,7 @@ def _near(course: Course, values: Values, kept: Bool) -> Bool:
     for mine in values.passes:
         if len(values.passes) > 1 and mine.stop - mine.start >= LEAST_VALUES:
             typical[mine] = median(size[mine])
-    limit = np.maximum(typical / 0.6745, _digits(values))
+    limit = np.maximum(typical * TO_SD, _digits(values))
     limit = np.hypot(limit, course.u(values.s) / np.sqrt(values.variance))
     return np.asarray(size <= OUTLIER_SIGMAS * limit)
 
@@ -729,7 +729,7 @@ def _inliers(values: Values) -> Bool:
         middle = [np.median(_neighbours(medians(part, edges), BESIDE), axis=1) for part in values.y.T]
         about = np.stack([np.interp(values.s[mine], place, one) for one in middle], axis=1)
         size = np.linalg.norm(values.y[mine] - about, axis=1) / np.sqrt(values.variance[mine])
-        kept[mine] = size <= OUTLIER_SIGMAS * max(median(size) / 0.6745, _digits(values))
+        kept[mine] = size <= OUTLIER_SIGMAS * max(median(size) * TO_SD, _digits(values))
     return kept
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from workbench.geometry.medians import median_of
 from workbench.geometry.tracking import COUNT, FIRST, LAST, SXX, SXZ, SZZ, X_MEAN, Z_MEAN, stands_alone
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Bool, Float, Float32, Int
+from workbench.units import TO_SD, AnyArray, Bool, Float, Float32, Int
 
 # Faces that `read_frame` reports; of each the sums of geometry.tracking.
 FACE, UPPER, LOWER, WHOLE = range(4)  # WHOLE: the end face with its margins
@@ -158,7 +158,7 @@ def _without_streaks(p: Float, q: Float, first: int, last: int, a: float, b: flo
     middle = median_of(work, size) if size else 0.0
     for i in range(size):
         work[i] = abs(off[i] - turn * along[i] - middle)
-    scale = median_of(work, size) / 0.6745 if size else GATES_MM[0]
+    scale = median_of(work, size) * TO_SD if size else GATES_MM[0]
     return a + middle - turn * p[first], b + turn, scale
 
 

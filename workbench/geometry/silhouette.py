@@ -23,7 +23,7 @@ from workbench.geometry.course import ALONE, Course, fit_course
 from workbench.geometry.medians import medians
 from workbench.geometry.processes import Shared
 from workbench.kernels import kernel
-from workbench.units import Float, Int, Shaped
+from workbench.units import TO_SD, Float, Int, Shaped
 
 LEAST_FRAMES = 30  # of a pass: fewer do not tell noise from vibration
 LIMIT_SIGMAS = 1.5  # room for noise at a column's limits where frames share it
@@ -78,7 +78,7 @@ def settled(s: Float, low: Float, step: Float, sigma: Float, column: Int, group:
         moved = low[mine] - (column[mine] - np.median(column[mine])) * np.median(step[mine])
         course = fit_course(s[mine], moved, sigma[mine] ** 2)
         rough = moved - course.value(s[mine])
-        spread = float(np.median(np.abs(rough)) / 0.6745) ** 2
+        spread = float(np.median(np.abs(rough)) * TO_SD) ** 2
         noise = float(np.median(sigma[mine]) ** 2)
         share = min(1.0, noise / max(spread, 1e-12))
         low[mine] -= share * np.clip(rough, -3.0 * sigma[mine], 3.0 * sigma[mine])

@@ -223,7 +223,7 @@ def _noise(recording: Recording, least_mm: float, radius: float) -> float:
     From second differences along a profile: blind to slopes, robust to jumps.
     """
     each = [np.abs(np.diff(returns(*one)[1], 2)) for one in zip(recording.x_mm, recording.z_mm, strict=True)]
-    sizes = [np.median(one) / (0.6745 * np.sqrt(6.0)) if len(one) > 2 else np.inf for one in each]
+    sizes = [np.median(one) * TO_SD / np.sqrt(6.0) if len(one) > 2 else np.inf for one in each]
     return float(np.clip(np.median(sizes), least_mm, 0.02 * radius))
 
 

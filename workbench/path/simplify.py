@@ -44,8 +44,9 @@ def simplify(
     r"""Replace runs of key points by straight moves and circular arcs.
 
     From each target the longest straight or circular move is taken whose skipped points lie within both tolerances,
-    with the controller's rotation (slerp in the frame of the work object). Arcs turn at most 170 deg. With postures,
-    targets are in the base at the turntable's angles; while it turns, every point is a target.
+    with the controller's rotation (slerp in the frame of the work object). A move's feed is that of its
+    slowest point; arcs turn at most 170 deg. With postures, targets are in the base at the turntable's angles; while
+    it turns, every point is a target.
 
     Args:
         toolpath: the path; its frame stays.

@@ -17,6 +17,7 @@ from bench.confidently_wrong.kinds import KINDS
 from bench.drawn import spheres
 from bench.drawn.plates import random_recipe
 from bench.drawn.swept import random_swept_recipe
+from bench.score import outsider
 from bench.simulators.swept import simulate_swept
 from scripts.checks_table import limits_table
 from tests.checks.conftest import good, pooled
@@ -480,6 +481,11 @@ def test_steps_of_a_few_of_float32_s_digits_are_found_where_these_double() -> No
     r = good("straight")
     z = r.z_mm.astype(float) + 256.0 - np.nanpercentile(r.z_mm, 70.0)
     assert _told(spoilt(r, z_mm=(np.round(z / 7e-5) * 7e-5).astype("f4"))).value < 0.05
+
+
+def test_steps_of_a_micrometre_about_no_range_are_found() -> None:
+    """Most ranges within a millimetre of 0, where float32 has 10,000 digits a step."""
+    assert _told(outsider.below(11_510_011).recording).value < 0.1
 
 
 def test_noise_of_two_digits_on_faces_that_a_fan_of_rays_bends_is_no_filter() -> None:

@@ -214,21 +214,29 @@ def _digit(z: Float, step_mm: float) -> float:
     """
     digits = np.spacing(np.abs(z).astype(np.float32))
     coarsest = float(np.nanmax(digits, initial=np.spacing(np.float32(1.0))))
-    digit = float(np.nanmedian(digits)) if np.isfinite(digits).any() else coarsest
-    off = np.abs(np.diff(np.where(digits > digit, np.nan, z), n=2, axis=1)) / digit  # coarser ones fill the valleys
+    found, may_be = _step_among(z, coarsest)
+    if not found and np.isfinite(digits).any():  # coarser digits fill the valleys between steps of a few finer ones
+        usual = float(np.nanmedian(digits))
+        found, _ = _step_among(np.where(digits > usual, np.nan, z), usual)
+    return max(step_mm, found or may_be)
+
+
+def _step_among(z: Float, digit: float) -> tuple[float, float]:
+    """The step that rows of ranges (n, M) of such digits show, mm, 0: none; and the least that it may be."""
+    off = np.abs(np.diff(z, n=2, axis=1)) / digit
     off = off[np.isfinite(off)]
     if len(off) < LEAST_PAIRS:
-        return max(step_mm, coarsest)
+        return 0.0, digit
     core, may_be = CORE * median(off[:: 1 + off.size // ENOUGH]), 1
     for scale in SCALES:
         bins = min(VALLEYS, int(core / scale))
         near = off[off < bins * scale] / scale
         found = _first_peak(near, bins) if bins >= LEAST_BINS else 0.0
         if found:
-            return max(step_mm, digit * scale * found)
+            return digit * scale * found, digit
         if bins == VALLEYS and len(near) < LEAST_PAIRS:
             may_be = COARSER * scale
-    return max(step_mm, coarsest, digit * may_be)
+    return 0.0, digit * may_be
 
 
 def _first_peak(off: Float, bins: int) -> float:

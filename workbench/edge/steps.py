@@ -111,7 +111,11 @@ def readings(
     found = [one for sense in (1.0, -1.0) for one in _off_the_face(s, sense * value, noise, sigma, sense)]
     if not found:
         return nothing._replace(own=plain.kept.astype(float))
-    log = _clean(value - plain.value(s), sigma).sum() - _cost(plain, s.size)
+    if shared:
+        log = _clean(value - plain.value(s), sigma).sum() - _cost(plain, s.size)
+    else:  # over all courses, which tells burrs apart better where cells err each by itself
+        own = np.log(FULL * sigma[plain.kept]) + 0.5 * plain.noise_factor * (u[plain.kept] / sigma[plain.kept]) ** 2
+        log = plain.log_evidence - (own - 0.5).sum() + math.log(STRAY) * (~plain.kept).sum()
     logs = np.array([log, *(one.evidence + math.log(ODDS) for one in found)])
     share = np.exp(logs - logs.max())
     share /= share.sum()

@@ -156,7 +156,8 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces, condition: EdgeCondition, ro
         )
     s = np.full(seen.size, np.nan)
     s[seen] = along_motion(middle[seen], along[seen], cloud.pass_index[seen])
-    own = seen & (own_places(s, *_width(found)) > 0.5)  # where a part of the face is hidden, so is its middle
+    own = own_places(s, *_width(found))
+    own = seen & (own > 0.5 * own[seen].max())  # where a part of the face is hidden, so is its middle
     curve = fit_curve(middle[own], s[own], cloud.pass_index[own])
     shared = robot.before
     for whole in (False, True):

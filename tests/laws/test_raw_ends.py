@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.score import swept, triangulated
+from bench.score import analytic, swept, triangulated
 from bench.score.measure import alone
 
 
@@ -20,3 +20,10 @@ def test_ends_that_go_with_the_robot_s_errors_are_neither_burrs_nor_gouges() -> 
     """Errors of 0.04 mm over 2 mm, declared: shorter and longer ends were followed, 0.6 deg off at 8.5 u."""
     found = alone(triangulated.raw(11_500_001)).found["heading_deg"]
     assert np.abs(found.error).max() < 0.25
+
+
+def test_how_a_rough_face_winds_is_in_the_u_of_its_edge_s_direction() -> None:
+    """Its local plane, over 20 mm, turns by 0.15 deg beside the course, whose u was 0.05: 7 u off."""
+    found = alone(analytic.raw(11_720_014)).found["heading_deg"]
+    assert (np.abs(found.error) / found.u).max() < 2.5
+    assert np.abs(found.error).max() < 0.4

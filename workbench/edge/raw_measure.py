@@ -87,6 +87,15 @@ class OutAlong:
         """The same without what a rough face does there (k,), mm."""
         return np.asarray(self.course.value(at) - self.bend(at))
 
+    def local_slope_u(self, shared: Shared) -> float:
+        """By how much the local mean of a rough face, that the robot's errors move as well, turns beside the course."""
+        if self.local is None:
+            return 0.0
+        at = self.local.at_mm
+        slope = np.gradient(self.local.value(at) - self.smooth(at), at)
+        robot = sum(one.share * one.slope_u(LOCAL_MM) ** 2 for one in shared.processes)
+        return math.sqrt(max(float(np.mean(slope**2)) - robot, 0.0))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RawMeasured:
@@ -106,6 +115,7 @@ class RawMeasured:
     lever_mm: float  # from the lower edge to the middle of what is seen of the end face
     rough: bool
     local_turn_u: float  # of the end face's direction over LOCAL_MM of edge, by how single frames scatter, rad
+    edge_turn_u: float  # of the edge's direction, by how a rough face's local mean turns beside the course, rad
 
 
 class Robot(NamedTuple):
@@ -260,7 +270,9 @@ def _state(
     pitch = float(np.ptp(face.s[np.isfinite(face.s)])) / max(int(np.isfinite(face.s).sum()), 1)
     turn_u = math.sqrt(float(np.nanmedian(face.angle_variance)) * tilt.frame_factor * pitch / LOCAL_MM)
     shown = face.s, angle, face.run, face.bow_in_range(tilt.slope(mid))
-    return RawMeasured(curve, tilt, stand_out, stands, lower, upper, lean, *shown, lever, rough, turn_u)
+    return RawMeasured(
+        curve, tilt, stand_out, stands, lower, upper, lean, *shown, lever, rough, turn_u, stands.local_slope_u(shared)
+    )
 
 
 def _straightened(face: SectionLines, angle: Float, tilt: Course, mid: Float) -> tuple[SectionLines, Float]:

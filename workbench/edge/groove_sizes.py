@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
 from workbench.artefacts import Corner, Quantity
 from workbench.edge.end_templates import EdgeCondition
@@ -18,7 +17,7 @@ from workbench.edge.groove_profile import BELOW_MM
 from workbench.edge.joint_lines import LEAST_FRAMES, Along, JointLines, Place, Values, corners, hidden, typical
 from workbench.edge.residual_image import Linearity, forms
 from workbench.edge.root_end import RootView, beyond
-from workbench.edge.steps import own_places, readings
+from workbench.edge.steps import LEAST_SHARE, own_places, readings
 from workbench.geometry.course import fit_course
 from workbench.geometry.silhouette import Ends, find_end
 from workbench.units import DEG, Bool, Float
@@ -35,7 +34,6 @@ END_SHARE, ROUNDED_U_MM = 0.6, 0.03  # of an upper surface that ends above a fac
 # hold what three of a known one do.
 SURELY = 1.4
 TOGETHER_STEPS = 2.0  # ends further off the others are lost, or hidden by a weld
-JUMP_PROFILES = 5  # that a sudden change of an end takes at most, and whose median noise does not move
 WAVE_MM = 20.0  # of length, for each degree of a rough course
 LEAST_LOST, MOST_LOST = 0.05, 0.6  # share of a face's columns without return
 CLEAR_MM = 0.3  # by which the line of sight must clear the other plate
@@ -463,11 +461,10 @@ class GrooveSizes:
     def _together(self, low: Float, good: Bool, step: float, column: float) -> Bool:
         """Profiles (n,) of `good` whose ends follow one smooth course: a tack weld, or lost returns, end one earlier.
 
-        Single ends lie about it by a step, those of many profiles by a column, mm.
+        Single ends lie about it by a step, those of many profiles by a column, mm. None, where too few do.
         """
         if good.sum() < LEAST_FRAMES:
             return good
-        good = good & ~self._cut_off(low, good, TOGETHER_STEPS * column)
         wave = 3 + round(min(6.0, float(np.ptp(self.s[good])) / WAVE_MM))
         off, near = low - np.median(low[good]), good
         for degree, wide in ((0, 12.0), (1, 8.0), (3, 6.0), (wave, 4.0), (wave, 3.0), (wave, TOGETHER_STEPS)):
@@ -475,36 +472,7 @@ class GrooveSizes:
             if near.sum() < max(LEAST_FRAMES, 2 * degree):
                 break
             off = low - np.polynomial.Polynomial.fit(self.s[near], low[near], degree)(self.s)
-        return near
-
-    def _cut_off(self, low: Float, good: Bool, jump: float) -> Bool:
-        """Profiles (n,) of stretches that begin or end where a face suddenly ends earlier, by more than `jump` mm.
-
-        Plates end in smooth curves; returns that are lost over a block of profiles and columns do not. The larger part
-        of a pass stays: beside spatter that makes a face longer it is what ends earlier.
-        """
-        found = np.zeros(good.size, bool)
-        for one in np.unique(self.group[good]):
-            mine = np.flatnonzero(good & (self.group == one))
-            mine = mine[np.argsort(self.s[mine], kind="stable")]
-            if mine.size < 2 * JUMP_PROFILES:
-                continue
-            even = scipy.ndimage.median_filter(low[mine], JUMP_PROFILES, mode="nearest")
-            change = even[JUMP_PROFILES:] - even[:-JUMP_PROFILES]  # between places on both sides of a profile
-            way = self.s[mine][JUMP_PROFILES:] - self.s[mine][:-JUMP_PROFILES]
-            apart = float(np.median(change / np.maximum(way, 1e-6)))  # of plates that run together or apart
-            change -= apart * way
-            steep = np.abs(change) > jump
-            first = np.flatnonzero(steep & ~np.r_[False, steep[:-1]])
-            last = np.flatnonzero(steep & ~np.r_[steep[1:], False])
-            cuts = [a + int(np.argmax(np.abs(change[a : b + 1]))) for a, b in zip(first, last, strict=True)]
-            pieces = np.split(np.arange(mine.size), [cut + JUMP_PROFILES // 2 + 1 for cut in cuts])
-            level = np.append(0.0, np.cumsum(change[cuts]))
-            for k, piece in enumerate(pieces):
-                beside = float(level[max(k - 1, 0) : k + 2].max())
-                if level[k] < beside - jump and piece.size <= mine.size / 2:
-                    found[mine[piece]] = True
-        return found
+        return near & (near.sum() >= LEAST_SHARE * good.sum())
 
     def _end(self, low: Float, step: Float, lost: Float, sigma: float) -> tuple[Float, Float]:
         """Where returns end: value and u (k,), NaN where nothing tells it."""

@@ -120,8 +120,9 @@ def shared_range(z_mm: AnyArray) -> tuple[float, float] | None:
 def steadiest(x_mm: AnyArray, z_mm: AnyArray) -> tuple[float, str]:
     """How little a statistic of some frames (N, M) varies, over what noise makes of it; the least of these, and which.
 
-    Noise is by how even and odd columns differ. 0 of frames that were zeroed, levelled or centred one by one, 0.7 and
-    more of others; 1 at most, and of what is rounded to steps wider than the noise. NaN: too few tell.
+    Noise is by how even and odd columns differ, of ranges by no more than neighbours do: a median that lies between two
+    faces is here on one of them, there on the other. 0 of frames that were zeroed, levelled or centred one by one, 0.7
+    and more of others; 1 at most, and of what is rounded to steps wider than the noise. NaN: too few tell.
     """
     grids = np.stack([some(x_mm), some(z_mm)]).astype(np.float64)
     grids[:, np.isnan(grids).any(axis=0)] = np.nan
@@ -130,17 +131,18 @@ def steadiest(x_mm: AnyArray, z_mm: AnyArray) -> tuple[float, str]:
         return float("nan"), ""
     every, even, odd = (_statistics(grids[:, wide, start::step]) for start, step in ((0, 1), (0, 2), (1, 2)))
     noise, least_mm = 0.5 * (even - odd).std(axis=1), max(step_mm(grids[1]), LEAST_NOISE_MM)
+    noise[:3] = np.minimum(noise[:3], _bends(grids[1]))
     share = np.where(noise > least_mm, every.std(axis=1) / np.maximum(noise, least_mm), 1.0)
-    names = "mean range", "slope", "median range", "least range", "mean place along x"
+    names = "mean range", "median range", "least range", "slope", "mean place along x"
     return min(float(share.min()), 1.0), names[int(share.argmin())]
 
 
 def _statistics(grids: Float) -> Float:
-    """Mean, slope, median and least of ranges, mean of places, (5, n): of places and ranges (2, n, M)."""
+    """Mean, median, least and slope of ranges, mean of places, (5, n): of places and ranges (2, n, M)."""
     (x, z), means = grids, np.nanmean(grids, axis=2)
     off = x - means[0, :, None]
     slope = np.nansum(off * z, axis=1) / np.maximum(np.nansum(off**2, axis=1), LEAST_NOISE_MM)
-    return np.stack([means[1], slope, np.nanmedian(z, axis=1), np.nanmin(z, axis=1), means[0]])
+    return np.stack([means[1], np.nanmedian(z, axis=1), np.nanmin(z, axis=1), slope, means[0]])
 
 
 def is_packed(x_mm: AnyArray, z_mm: AnyArray) -> bool:

@@ -472,7 +472,7 @@ class GrooveSizes:
             if near.sum() < max(LEAST_FRAMES, 2 * degree):
                 break
             off = low - np.polynomial.Polynomial.fit(self.s[near], low[near], degree)(self.s)
-        return near & (near.sum() >= LEAST_SHARE * good.sum())
+        return np.asarray(near & (near.sum() >= LEAST_SHARE * good.sum()))
 
     def _end(self, low: Float, step: Float, lost: Float, sigma: float) -> tuple[Float, Float]:
         """Where returns end: value and u (k,), NaN where nothing tells it."""

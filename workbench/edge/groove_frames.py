@@ -194,13 +194,9 @@ def _kind(sides: list[Side]) -> tuple[Kind, float]:
 
 def groove_curve(cloud: Cloud, read: ReadFrames) -> tuple[Curve, ReadFrames, Float]:
     """The curve midway between the upper edges; the profiles of which it is known where they cut it, and there (n,)."""
-    left, right = ([side.corner for side in sides] for sides in read.sides)
-    middle = 0.5 * (np.array(left) + np.array(right))
-    pose = cloud.base_from_profiler[read.frame]
-    ex, up = read.flip[:, None] * pose[:, :3, 0], read.up * pose[:, :3, 2]
-    points = pose[:, :3, 3] + middle[:, :1] * ex + middle[:, 1:] * up
+    points, across = middles(cloud, read)
     check_advance(cloud, points)
-    along = edge_direction(points, np.cross(up, ex), cloud.of_frames(read.frame))
+    along = edge_direction(points, across, cloud.of_frames(read.frame))
     good = np.asarray(np.isfinite(along).all(axis=1))
     points, along, read = points[good], along[good], read.only(good)
     check_advance(cloud, points)
@@ -211,6 +207,15 @@ def groove_curve(cloud: Cloud, read: ReadFrames) -> tuple[Curve, ReadFrames, Flo
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
     return curve, read, curve.project(points, s)
+
+
+def middles(cloud: Cloud, read: ReadFrames) -> tuple[Float, Float]:
+    """Midway between the upper edges in every profile (n, 3), in the base; a direction (n, 3) along the groove."""
+    left, right = ([side.corner for side in sides] for sides in read.sides)
+    middle = 0.5 * (np.array(left) + np.array(right))
+    pose = cloud.base_from_profiler[read.frame]
+    ex, up = read.flip[:, None] * pose[:, :3, 0], read.up * pose[:, :3, 2]
+    return pose[:, :3, 3] + middle[:, :1] * ex + middle[:, 1:] * up, np.cross(up, ex)
 
 
 def axes(curve: Curve, s: Float, turn: Float) -> tuple[Float, Float]:

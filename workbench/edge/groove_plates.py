@@ -11,7 +11,7 @@ import numpy as np
 from workbench.artefacts import Cloud
 from workbench.edge.directions import wrapped
 from workbench.edge.fillet import Fillets, fit_below_flank, fit_circle
-from workbench.edge.groove_frames import LEAST_FACE, ReadFrames
+from workbench.edge.groove_frames import LEAST_FACE, ReadFrames, middles
 from workbench.edge.groove_profile import DROP_MM, DROP_POINTS, SHARED, Kind, Side
 from workbench.edge.joint_lines import FaceLine, joined, meeting, typical
 from workbench.edge.residual_image import FaceImage, face_image
@@ -117,7 +117,8 @@ def plates(
 
     Also the direction of their upper surfaces in the curve's frame: a course of its difference from a constant.
     """
-    mine = cloud.of_frames(read.frame)
+    mine, (points, _) = cloud.of_frames(read.frame), middles(cloud, read)
+    _, middle = in_section(points, curve, s)
     labels = np.zeros(mine.keep.shape, np.uint8)
     for sides, (upper, face) in zip(read.sides, LABELS, strict=True):
         for k, (side, columns) in enumerate(zip(sides, read.columns, strict=True)):
@@ -137,7 +138,7 @@ def plates(
         images = [
             face_image(mine, labels, one, label, ways[k], s) for one, label in zip(faces[k], shown[k], strict=True)
         ]
-        out.append(_plate(_View(mine, read, curve, s, turn, k), sections[k], images))
+        out.append(_plate(_View(mine, read, curve, s, turn, middle, k), sections[k], images))
     return (out[0], out[1]), labels, tilt, about
 
 
@@ -154,12 +155,18 @@ class _View:
     curve: Curve
     s: Shaped[Float, " n"]
     turn: Shaped[Float, " n"]  # direction from the left to the right plate in the curve's frame
+    middle: Shaped[Float, "n 2"]  # between both upper edges, beside the curve
     which: int
 
     @property
     def sides(self) -> list[Side]:
         """What every profile was read as."""
         return self.read.sides[self.which]
+
+    @property
+    def wander(self) -> Float:
+        """By how much both plates lie beside the curve (n, 2): the robot's errors."""
+        return self._turned(self.middle, self.turn)
 
     def points(self, places: Sequence[Int]) -> list[Float]:
         """Of each profile's points with these indices (k,), in its section planes: (k, 2)."""
@@ -219,7 +226,7 @@ def _plate(view: _View, sections: Sequence[SectionLines], images: Sequence[FaceI
         edge_step[beyond_end > 1] = np.nan
     return Plate(
         kind,
-        tuple(joined(lines, view.s, view.cloud.pass_index, end if len(lines) == 1 else None)),
+        tuple(joined(lines, view.s, view.cloud.pass_index, view.wander, end if len(lines) == 1 else None)),
         tuple(images),
         sigma,
         end,

@@ -85,10 +85,13 @@ class FaceLine:
         return np.hypot(self.course.u(along.at), unordered)
 
 
-def joined(sections: Sequence[SectionLines], s: Float, group: Int, hangs: Float | None = None) -> list[FaceLine]:
+def joined(
+    sections: Sequence[SectionLines], s: Float, group: Int, wander: Float, hangs: Float | None = None
+) -> list[FaceLine]:
     """Faces that meet one another in this order: directions, corners by them, what their drift adds (method, eq. (7)).
 
-    s, group (N,): as `Along` has them. hangs (N, 2): a place on the last face; None: its corner with the one before.
+    s, group (N,): as `Along` has them. wander (N, 2): of the whole joint beside its curve: poses err so, it does not
+    drift. hangs (N, 2): a place on the last face; None: its corner with the one before.
     """
     own = []
     for one in sections:
@@ -97,7 +100,7 @@ def joined(sections: Sequence[SectionLines], s: Float, group: Int, hangs: Float 
     pairs = list(zip(sections, own, strict=True))
     meets = [meeting(a.place, of.value, b.place, on.value) for (a, of), (b, on) in pairwise(pairs)]
     meets.append(meets[-1] if hangs is None else hangs)
-    return [_square(*pair, place, s, group) for pair, place in zip(pairs, meets, strict=True)]
+    return [_square(*pair, place, place - wander, s, group) for pair, place in zip(pairs, meets, strict=True)]
 
 
 class _Own(NamedTuple):
@@ -122,12 +125,15 @@ def _by_pass(at: Float, value: Float, variance: Float | None, group: Int, s: Flo
     return _Own(course, slope, (np.unique(np.concatenate(stiffness), axis=0),) if stiffness else None)
 
 
-def _square(section: SectionLines, own: _Own, meet: Float, s: Float, group: Int) -> FaceLine:
-    """A face that an oblique profile sees, in the section of the frame's own s; meet (N, 2): a place on it."""
+def _square(section: SectionLines, own: _Own, meet: Float, drifts: Float, s: Float, group: Int) -> FaceLine:
+    """A face that an oblique profile sees, in the section of the frame's own s.
+
+    meet (N, 2): a place on it; drifts (N, 2): what of that may drift along the edge.
+    """
     safe = np.where(np.isfinite(s), s, 0.0)
     across = np.stack([-np.sin(own.value), np.cos(own.value)], axis=1)
     along = np.stack([np.cos(own.value), np.sin(own.value)], axis=1)
-    drift = np.stack([_by_pass(s, meet[:, k], None, group, s).slope for k in (0, 1)], axis=1)
+    drift = np.stack([_by_pass(s, drifts[:, k], None, group, s).slope for k in (0, 1)], axis=1)
     lever = ((section.place - meet) * along).sum(axis=1)
     turn = between(s, section.run * ((drift * across).sum(axis=1) + lever * own.slope), safe)
     moved = drift + (lever * own.slope)[:, None] * across  # of the centroid, a mm along the edge

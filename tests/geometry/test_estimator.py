@@ -35,6 +35,20 @@ class Linear:
         return at + step
 
 
+@dataclass
+class Coarse(Linear):
+    """Unknowns come in steps, as a clock's offset since 1970 does."""
+
+    asked: list[Float] = field(default_factory=list)
+
+    def rows(self, at: Float) -> estimator.Rows:
+        self.asked.append(at)
+        return super().rows(at)
+
+    def moved(self, at: Float, step: Float) -> Float:
+        return np.round((at + step) / 1e-4) * 1e-4
+
+
 def spread(rng: np.random.Generator, *shape: int) -> Float:
     """Covariances (..., d, d)."""
     A = rng.normal(size=(*shape, shape[-1]))
@@ -76,6 +90,15 @@ def with_shared(seed: int) -> Linear:
             estimator.Shared(rows, spread(rng, m, 3), rng.normal(size=(m, 3, 2)), pose, rng.uniform(size=m), 3, whole)
         )
     return dataclasses.replace(one, shared=tuple(scans))
+
+
+def test_a_fit_whose_steps_are_rounding_ends() -> None:
+    """It went on to its last step."""
+    plain = drawn(3)
+    one = Coarse(plain.seen, plain.slope, plain.covariance, plain.prior)
+    found, exact = estimator.fit(one, np.zeros(4)), estimator.fit(plain, np.zeros(4))
+    assert 0.0 < np.abs(found.at - exact.at).max() < 1e-4
+    assert len(one.asked) < 6
 
 
 @settings(max_examples=20, deadline=None)

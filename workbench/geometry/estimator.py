@@ -31,6 +31,7 @@ from workbench.units import Bool, Float, Int, Shaped
 S = TypeVar("S")  # an instrument's estimate of its unknowns
 
 STEPS, CONVERGED = 40, 1e-10  # of a step's length in standard deviations, squared
+ROUNDED = 1e-6  # below which a step no shorter than the one before is rounding, as of a clock that counts from 1970
 WORSE = (1.5, 1.0)  # chi-square may grow so much by a step (factor, and more): weights move with the estimate
 OPEN = 1e-14  # eigenvalue of the scaled information below which nothing determines a direction
 ALONE = 1e-6  # share of its noise that the residual keeps, along what an observation determines alone
@@ -92,11 +93,10 @@ def _within_poses(columns: Float, shared: Shared) -> tuple[Float, float]:
     np.add.at(at_poses, shared.pose + 1, after * side)
     band = np.zeros((2 * size, shared.poses + 1, size))  # LAPACK's lower band storage
     band[0] = 1.0
-    for row in range(size):
-        for column in range(size):
-            if row >= column:
-                band[row - column, :, column] += diagonal[:, row, column]
-            band[size + row - column, :-1, column] += below[:-1, row, column]
+    row, column = np.tril_indices(size)
+    band[row - column, :, column] += diagonal[:, row, column].T
+    row, column = np.indices((size, size)).reshape(2, -1)
+    band[size + row - column, :-1, column] += below[:-1, row, column].T
     flat = at_poses.reshape(-1, columns.shape[2])
     factor = scipy.linalg.cholesky_banded(band.reshape(2 * size, -1), lower=True, check_finite=False)
     joined = joined - flat.T @ scipy.linalg.cho_solve_banded((factor, True), flat, check_finite=False)
@@ -292,9 +292,9 @@ def fit(instrument: Instrument[S], start: S, used: Bool | None = None, steps: in
     """
     at, rows = start, instrument.rows(start)
     used = np.ones(len(rows.residual), bool) if used is None else used
-    now = rows.only(used).normal()
+    now, length = rows.only(used).normal(), np.inf
     for _ in range(steps):
-        step = now.step()
+        step, before = now.step(), length
         length = float(step @ now.information @ step)
         for _ in range(6):
             tried = _tried(instrument, instrument.moved(at, step), used)
@@ -304,7 +304,7 @@ def fit(instrument: Instrument[S], start: S, used: Bool | None = None, steps: in
         if tried is None:
             break
         at, rows, now = tried
-        if length < CONVERGED:
+        if length < CONVERGED or before <= length < ROUNDED:
             break
     return Fit(at, rows, used, now.information, now.chi2)
 

@@ -82,7 +82,7 @@ def rotation_from_quaternion(quaternion_wxyz: Float) -> Float:
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return np.ascontiguousarray(np.moveaxis(np.array(rows), (0, 1), (-2, -1)))
 
 
 def quaternion_from_rotation(rotation: Float) -> Float:
@@ -101,7 +101,7 @@ def quaternion_from_rotation(rotation: Float) -> Float:
         [wy, xy, 1 - a + b - c, yz],
         [wz, xz, yz, 1 - a - b + c],
     ]
-    outer = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    outer = np.ascontiguousarray(np.moveaxis(np.array(rows), (0, 1), (-2, -1)))
     best = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
     q = np.take_along_axis(outer, best[..., None, None], axis=-2)[..., 0, :]
     q /= np.linalg.norm(q, axis=-1, keepdims=True)

@@ -78,28 +78,56 @@ class Timed:
         return max(low for low, _ in ends), min(high for _, high in ends)
 
     def at(self, offset_s: float) -> Flange:
-        """The flange at these times minus the offset."""
-        k = len(self.time_s)
-        base_from_flange, velocity, evened = np.empty((k, 4, 4)), np.zeros((k, 6)), np.ones(k)
-        still, scans = [np.zeros(0, int)], []
+        """The flange at these times minus the offset.
+
+        The passes' poses stand in one row, numbers between two of them for times: one interpolation does for all.
+        """
+        k, passed, motions = len(self.time_s), 0, list[Motion]()
+        place, chord, evened, middle = np.empty(k), np.zeros(k), np.ones(k), np.empty((k, 3, 3))
+        rate, bend = np.empty((2, k, 6))
+        still, scans = [np.zeros(0, int)], list[estimator.Shared]()
         for this in np.unique(self.number).tolist():
             rows, motion = np.flatnonzero(self.number == this), self.motions[this]
-            time = motion.time_s
+            time, place[rows] = motion.time_s, passed
+            passed += len(time)
+            motions.append(motion)
             if len(time) == 1:
-                base_from_flange[rows] = interpolate_poses(time, time, motion.position_mm, motion.quaternion)
                 still.append(rows)
                 continue
             at = np.clip(self.time_s[rows] - offset_s, time[0], time[-1])
             node = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
             step = time[node + 1] - time[node]
             fraction = (at - time[node]) / step
-            base_from_flange[rows], velocity[rows] = motion.at(at, 0.5 * fraction * (1 - fraction) * step**2)
+            place[rows] += node + fraction
+            chord[rows] = 0.5 * fraction * (1 - fraction) * step**2
+            middle[rows], rate[rows], bend[rows] = motion.at(at)
             evened[rows] = fraction**2 + (1 - fraction) ** 2
             near = np.union1d(node, node + 1)  # the others have no part in any frame
             none = np.zeros((len(rows), 0, 0))
             pose = np.searchsorted(near, node)
             scans.append(estimator.Shared(rows, none, none, pose, fraction, len(near) - 1, none))
-        return Flange(base_from_flange, velocity, evened, np.concatenate(still), tuple(scans))
+        position = np.concatenate([one.position_mm for one in motions])
+        quaternion = np.concatenate([one.quaternion for one in motions])
+        poses, velocity = interpolate_poses(place, np.arange(float(passed)), position, quaternion), np.zeros((k, 6))
+        moving = np.concatenate([np.zeros(0, int), *(scan.rows for scan in scans)])
+        bent = (each[moving] for each in (poses, chord, middle, rate, bend))
+        poses[moving], velocity[moving] = _off_the_chord(*bent)
+        return Flange(poses, velocity, evened, np.concatenate(still), tuple(scans))
+
+
+def _off_the_chord(poses: Float, chord: Float, middle: Float, rate: Float, bend: Float) -> tuple[Float, Float]:
+    """Poses (m, 4, 4), and velocities (m, 6) in the flange's own frame, mm/s and rad/s, of interpolated ones.
+
+    Between two recorded poses a motion leaves their chord by its second derivative times `chord` (m,), s^2: a weave
+    that is sampled coarsely would seem too small, and the sensor's scales wrong.
+    """
+    poses[:, :3, 3] -= chord[:, None] * bend[:, :3]
+    vector = vector_from_rotation(np.swapaxes(middle, 1, 2) @ poses[:, :3, :3]) - chord[:, None] * bend[:, 3:]
+    now, then = middle @ rotation_from_vector(np.stack([vector, vector + DIFFERENCE_S * rate[:, 3:]]))
+    poses[:, :3, :3] = now
+    back = np.swapaxes(now, 1, 2)
+    linear = (back @ rate[:, :3, None])[..., 0]
+    return poses, np.concatenate([linear, vector_from_rotation(back @ then) / DIFFERENCE_S], axis=1)
 
 
 class Motion:
@@ -111,15 +139,12 @@ class Motion:
         self.quaternion = recording.robot_quaternion_wxyz[here]
         self._smooth = functools.cache(self._fitted)  # a search comes back to its windows
 
-    def at(self, time_s: Float, chord: Float) -> tuple[Float, Float]:
-        """Poses of the flange (m, 4, 4) at rising times (m,), and its velocity (m, 6) in its own frame, mm/s and rad/s.
+    def at(self, time_s: Float) -> tuple[Float, Float, Float]:
+        """Middle orientations (m, 3, 3) at rising times (m,); first and second derivatives (m, 6) about them.
 
-        Between two recorded poses a motion leaves their chord by its second derivative times `chord` (m,), s^2: a weave
-        that is sampled coarsely would seem too small, and the sensor's scales wrong. Both derivatives are those of a
-        smooth motion: differences of neighbouring poses would pass their noise for motion, and so find a clock offset
-        where none shows.
+        Both derivatives are those of a smooth motion: differences of neighbouring poses would pass their noise for
+        motion, and so find a clock offset where none shows.
         """
-        poses = interpolate_poses(time_s, self.time_s, self.position_mm, self.quaternion)
         rate, bend = np.empty((2, len(time_s), 6))
         middle = np.empty((len(time_s), 3, 3))
         piece = np.floor((time_s - time_s[0]) / PIECE_S).astype(int)
@@ -130,14 +155,7 @@ class Motion:
             window = (first, last) if last - first > MAX_DEGREE else (0, len(self.time_s))
             smooth = self._smooth(*window)
             middle[here], (rate[here], bend[here]) = smooth.middle, smooth.derivatives(at)
-        poses[:, :3, 3] -= chord[:, None] * bend[:, :3]
-        vector = vector_from_rotation(np.swapaxes(middle, 1, 2) @ poses[:, :3, :3]) - chord[:, None] * bend[:, 3:]
-        now, then = middle @ rotation_from_vector(np.stack([vector, vector + DIFFERENCE_S * rate[:, 3:]]))
-        poses[:, :3, :3] = now
-        back = np.swapaxes(now, 1, 2)
-        linear = (back @ rate[:, :3, None])[..., 0]
-        velocity = np.concatenate([linear, vector_from_rotation(back @ then) / DIFFERENCE_S], axis=1)
-        return poses, velocity
+        return middle, rate, bend
 
     def _fitted(self, first: int, last: int) -> Smooth:
         """The motion of the poses `first` to before `last`: polynomials of the degrees that they deserve."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -85,6 +85,7 @@ class Correlated:
     roughness: Shaped[Float, "2 K K"]
     basis: Shaped[Float, "n K"]
     inverse: Shaped[Float, "n n"]  # M
+    known: dict[bytes, Float] = field(default_factory=dict)  # covariances by strengths: they are asked for thrice
 
     def evidence(self, strengths: Float) -> Float:
         """As `Penalised.evidence`, of values whatever the covariance of their noise. Raises LinAlgError likewise."""
@@ -105,25 +106,18 @@ class Correlated:
 
     def average(self, strengths: Float, share: Float, at: Float) -> tuple[Float, Float, Float]:
         """As `Penalised.average`. Raises LinAlgError likewise."""
-        answers, spread = [], np.zeros(self.normal.shape)
-        for (one, other), of in zip(strengths, share, strict=True):
-            covariance = np.linalg.inv(self.held(one, other))
-            answers.append(covariance @ self.right)
-            spread += of * covariance
-        mean = np.tensordot(share, np.array(answers), 1)
-        for answer, of in zip(answers, share, strict=True):
-            spread += of * (answer - mean) @ (answer - mean).T / mean.shape[1]
+        covariance = self.covariance(strengths)
+        answers = covariance @ self.right
+        mean = np.tensordot(share, answers, 1)
+        off = np.concatenate(np.asarray(answers - mean), axis=1)
+        spread = np.tensordot(share, covariance, 1) + off * np.repeat(share / mean.shape[1], mean.shape[1]) @ off.T
         value, slope = self._variances(spread, at)
         return mean, value, slope
 
     def variance_by(self, noise: Float, strengths: Float, share: Float, at: Float) -> Float:
         """What of the variances (2, m) of value and slope at places (m,) is by noise of covariance (n, n)."""
-        weighted = self.inverse @ self.basis
-        noisy, spread = weighted.T @ noise @ weighted, np.zeros(self.normal.shape)
-        for (one, other), of in zip(strengths, share, strict=True):
-            gain = np.linalg.inv(self.held(one, other))
-            spread += of * gain @ noisy @ gain
-        return self._variances(spread, at)
+        weighted, gain = self.inverse @ self.basis, self.covariance(strengths)
+        return self._variances(np.tensordot(share, gain @ (weighted.T @ noise @ weighted) @ gain, 1), at)
 
     def _variances(self, spread: Float, at: Float) -> Float:
         """Those (2, m) of value and slope at places (m,) by the covariance (K, K) of the coefficients."""
@@ -131,12 +125,15 @@ class Correlated:
 
     def spent(self, strengths: Float, share: Float) -> float:
         """How many values' worth the course takes, on average over strengths (j, 2) by shares (j,)."""
-        each = [np.trace(np.linalg.solve(self.held(one, other), self.normal)) for one, other in strengths]
-        return float(share @ np.array(each))
+        return float(share @ (self.covariance(strengths) * self.normal).sum(axis=(1, 2)))
 
-    def held(self, one: float, other: float) -> Float:
-        """A (K, K) of a pair of strengths."""
-        return np.asarray(self.normal + self.roughness[0] / one + self.roughness[1] / other)
+    def covariance(self, strengths: Float) -> Float:
+        """Of the coefficients (j, K, K), by pairs of strengths (j, 2). Raises LinAlgError likewise."""
+        key = strengths.tobytes()
+        if key not in self.known:
+            one, other = strengths.T[:, :, None, None]
+            self.known[key] = np.linalg.inv(self.normal + self.roughness[0] / one + self.roughness[1] / other)
+        return self.known[key]
 
 
 def shapes_told(
@@ -152,9 +149,10 @@ def shapes_told(
     mixed, square, shown = basis.T @ weighted, (shapes * weighted).sum(axis=0), y @ weighted
     right = np.column_stack([mixed, problem.right[:, 0]])
     size, known = [], []
-    for one, other in strengths:
-        if isinstance(problem, Correlated):
-            solved = np.linalg.solve(problem.held(one, other), right)
+    full = problem.covariance(strengths) @ right if isinstance(problem, Correlated) else None
+    for j, (one, other) in enumerate(strengths):
+        if full is not None:
+            solved = full[j]
         else:
             bands = problem.normal + problem.roughness[0] / one + problem.roughness[1] / other
             lower = np.zeros((BAND, len(bands)))

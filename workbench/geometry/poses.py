@@ -74,6 +74,12 @@ def mapped(a_from_b: Float, points: Float) -> Float:
     return np.asarray((rotation @ points[..., None])[..., 0] + shift)
 
 
+def cross(a: Float, b: Float) -> Float:
+    """a x b of vectors (..., 3); numpy's own takes five times as long for a few."""
+    behind, ahead = np.array([1, 2, 0]), np.array([2, 0, 1])
+    return np.asarray(a.take(behind, -1) * b.take(ahead, -1) - a.take(ahead, -1) * b.take(behind, -1))
+
+
 def rotation_from_quaternion(quaternion_wxyz: Float) -> Float:
     """Rotation matrices (..., 3, 3) of unit quaternions (..., 4); q and -q give the same."""
     w, x, y, z = np.moveaxis(np.asarray(quaternion_wxyz, float), -1, 0)

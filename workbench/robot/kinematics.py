@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from workbench.geometry.poses import mapped
+from workbench.geometry.poses import cross, mapped
 from workbench.kernels import kernel
 from workbench.units import DEG, AnyArray, Float, Shaped
 
@@ -107,7 +107,7 @@ def jacobian(chain: Chain, joints: Float, point_mm: Float | None = None) -> Floa
 
 def jacobian_at(axes: Float, points_mm: Float, tip_mm: Float) -> Float:
     """J (..., 6, 6) of a point `tip_mm` (..., 3) of the last link, from the joints' axes and points (..., 6, 3)."""
-    linear = np.cross(axes, tip_mm[..., None, :] - points_mm)
+    linear = cross(axes, tip_mm[..., None, :] - points_mm)
     return np.asarray(np.swapaxes(np.concatenate([linear, axes], axis=-1), -1, -2))
 
 
@@ -120,8 +120,8 @@ def jacobian_derivative(axes: Float, jacobian: Float) -> Float:
     linear, turning = np.swapaxes(jacobian[..., :3, :], -1, -2), axes
     i, j = np.indices((6, 6))
     outer, inner = np.minimum(i, j), np.maximum(i, j)
-    by_tip = np.cross(turning[..., outer, :], linear[..., inner, :])
-    by_axis = np.where((j < i)[..., None], np.cross(turning[..., j, :], turning[..., i, :]), 0.0)
+    by_tip = cross(turning[..., outer, :], linear[..., inner, :])
+    by_axis = np.where((j < i)[..., None], cross(turning[..., j, :], turning[..., i, :]), 0.0)
     return np.moveaxis(np.concatenate([by_tip, by_axis], axis=-1), -1, -3)
 
 

@@ -109,11 +109,10 @@ class Part:
         jacobian = np.zeros((len(A), len(which), self.size))
         jacobian[..., :3] = here
         jacobian[..., 3:6] = np.cross(turned[:, which], here)
-        per_face = 2 + len(self.shifts)
+        per_face, by_turn = 2 + len(self.shifts), np.cross(at.frame[face, :2], normal[:, None])
         for d, (k, a) in enumerate(zip(face, axis, strict=True)):
             first = 6 + per_face * k
-            for turn in (0, 1):
-                jacobian[:, d, first + turn] = off[:, d] @ np.cross(at.frame[k, turn], at.frame[k, a])
+            jacobian[:, d, first : first + 2] = off[:, d] @ by_turn[d].T
             jacobian[:, d, first + 2 + self.shifts.index(a)] = -1.0
         by_x_z = here @ at.pose.rotation[:, [0, 2]]  # (k, D, 2): of each distance by its point
         behind = 6 + per_face * self.faces

@@ -21,7 +21,7 @@ import jaxtyping
 import numpy as np
 from beartype.door import is_bearable
 
-PACKAGE = "workbench"
+PACKAGE, KEYWORD_ONLY = "workbench", inspect.Parameter.KEYWORD_ONLY
 RIGHT: set[Any] = set()  # shapes of arrays that were found right: most calls are of shapes that came before
 
 
@@ -52,12 +52,13 @@ def check_module(module: ModuleType) -> None:
 
 
 def _checked_call(function: FunctionType) -> Any:
-    signature, names = inspect.signature(function), [*_said(function)]
+    taken, names = inspect.signature(function).parameters, [*_said(function)]
+    place = {name: k for k, name in enumerate(taken) if name in names and taken[name].kind is not KEYWORD_ONLY}
 
     @functools.wraps(function)
     def checked(*given: Any, **named: Any) -> Any:
-        bound = signature.bind(*given, **named).arguments
-        _check_values(function, {name: bound[name] for name in names if name in bound})
+        values = {name: given[k] for name, k in place.items() if k < len(given)}
+        _check_values(function, values | {name: named[name] for name in names if name in named})
         return function(*given, **named)
 
     return checked

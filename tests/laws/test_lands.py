@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from bench.odd_plates import j_shape
-from bench.outside import FAR_MM, Part
-from tests.edge.test_odd_grooves import GAP, ROOT, THICK, groove, measured, mirrored
+from bench.outside import FAR_MM
+from bench.recordings import frames
+from tests.edge.test_odd_grooves import GAP, ROOT, THICK, groove, mirrored
+from workbench.artefacts import Cloud
 from workbench.cloud import denoise
 from workbench.edge import segment_groove
 from workbench.scan import fuse
@@ -18,18 +20,19 @@ from workbench.scan import fuse
 RADIUS_MM, FLANK_DEG = 4.0, 14.0
 
 
-def joined(land_mm: float, seed: int) -> Part:
-    """A U of two J preparations with a land."""
+def joined(land_mm: float, seed: int) -> Cloud:
+    """A U of two J preparations with a land, every third frame of its scan."""
     above = j_shape(RADIUS_MM, FLANK_DEG, land_mm, THICK - ROOT)
     begin = ((-FAR_MM, 0.0), (-0.5 * GAP, 0.0), (-0.5 * GAP, ROOT))
     left = (*begin, *((u - 0.5 * GAP, v + ROOT) for u, v in above), (-FAR_MM, THICK))
-    return groove(seed, (left, mirrored(left)))
+    recording = groove(seed, (left, mirrored(left))).recording
+    return denoise(fuse(frames(recording, np.arange(0, len(recording.time_s), 3))))
 
 
 @pytest.mark.parametrize(("land_mm", "seed"), [(0.0, 10_000_010), (0.5, 10_000_011), (1.5, 10_000_013)])
 def test_a_land_at_the_root_is_no_part_of_the_fillet(land_mm: float, seed: int) -> None:
     """Twelve of twelve were refused: a bent bevel, no two plates; in another simulator, a fillet off any circle."""
-    found = measured(joined(land_mm, seed))
+    found = segment_groove(joined(land_mm, seed))
     assert found.type == "U"
     for name, exact in {"root_radius_mm": RADIUS_MM, "depth_mm": THICK - ROOT, "bevel_left_deg": FLANK_DEG}.items():
         size = found.sizes[name]
@@ -41,6 +44,6 @@ def test_a_sensor_that_bends_an_arc_to_another_arc_is_in_u_of_its_radius(tmp_pat
     """A declared linearity of 7 um left nothing beside the circle: 8.8 u."""
     told = tmp_path / "sensor.json"
     told.write_text(json.dumps({"name": "one", "linearity_mm": 0.007, "linearity_length_mm": 9.0}), encoding="utf-8")
-    cloud = denoise(fuse(joined(1.5, 10_000_010).recording))
+    cloud = joined(1.5, 10_000_010)
     usual, declared = (segment_groove(cloud, sensor=one).sizes["root_radius_mm"].u for one in (None, str(told)))
     assert np.nanmedian(declared) > 5.0 * np.nanmedian(usual)

@@ -80,7 +80,6 @@ REFUSED = {"two bevel angles a side", "upper edges ground"}  # may be, as their 
         ("ceramic backing", 3019),  # the root face went on over the channel's edge: 1.5 mm at 7 u
         ("plain", 4015),  # a sensor's error that walks over the columns turns both plates: 0.016 mm at 4 u
         ("plain", 11_740_000),  # the robot's errors, seen obliquely, were taken for the plates' waves: 0.02 mm at 4.8 u
-        ("primer masked at the edge", 11_740_010),  # of a strip that a line left out, its form knew nothing: 6.7 u
         ("thin weld in a closed root", 3012),  # 0.2 mm of weld between the ends: a gap, at 13 u
         *seldom(
             ("upper edges ground", 2),  # the view hides the bevel below: 39 deg off at 430 u

@@ -123,7 +123,6 @@ def plates(
     for sides, (upper, face) in zip(read.sides, LABELS, strict=True):
         for k, (side, columns) in enumerate(zip(sides, read.columns, strict=True)):
             labels[k, columns[side.upper]], labels[k, columns[side.face]] = upper, face
-    every = labels.copy()  # lines lose what strays from them, as a strip beside primer does, and their forms tell it
     shown = [pair[: 1 if kind in UNSEEN else 2] for kind, pair in zip(read.kinds, LABELS, strict=True)]
     faces = [[labelled_lines(mine.x_mm, mine.z_mm, labels, label) for label in pair] for pair in shown]
     ways = [-read.flip, read.flip]  # towards the groove
@@ -137,7 +136,7 @@ def plates(
     turn, out = about - tilt.value(s), []
     for k in (0, 1):
         images = [
-            face_image(mine, every, one, label, ways[k], s) for one, label in zip(faces[k], shown[k], strict=True)
+            face_image(mine, labels, one, label, ways[k], s) for one, label in zip(faces[k], shown[k], strict=True)
         ]
         out.append(_plate(_View(mine, read, curve, s, turn, middle, k), sections[k], images))
     return (out[0], out[1]), labels, tilt, about

@@ -22,6 +22,8 @@ AnyArray = NDArray[Any]
 DEG = math.pi / 180.0  # rad per degree: `angle_deg * DEG` is in rad, `angle / DEG` in deg
 MM = 1e3  # mm per m
 COVERAGE = 2.0  # U = k u with k = 2, about 95 %
+MEDIAN_U = 1.2533  # standard uncertainty of a median over that of a mean, of a normal distribution
+THIRD = math.sqrt(20.0)  # standard deviation of third differences, of noise of 1
 TO_SD = 1.4826  # a normal distribution's standard deviation by its median absolute value
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from workbench.artefacts.evidence import UNKNOWN_PART, Check, Part
 from workbench.artefacts.showing import picture_html, space_scene
+from workbench.geometry.poses import in_planes
 from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped, frozen
 
 
@@ -164,9 +165,8 @@ class Cloud:
 
     def placed(self, frame: Int, column: Int) -> Float:
         """(n, 3) points in the base at places (n,) of the grid."""
-        pose = self.base_from_profiler[frame, :3]
-        x, z = self.x_mm[frame, column].astype(np.float64), self.z_mm[frame, column].astype(np.float64)
-        return np.asarray(pose[:, :, 3] + x[:, None] * pose[:, :, 0] + z[:, None] * pose[:, :, 2])
+        x, z = (of[frame, column].astype(np.float64) for of in (self.x_mm, self.z_mm))
+        return in_planes(self.base_from_profiler[frame], x, z)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

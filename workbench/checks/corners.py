@@ -11,7 +11,7 @@ import numpy as np
 from workbench.artefacts import Cloud
 from workbench.checks.sensor import some
 from workbench.geometry.blocks import as_input
-from workbench.geometry.medians import median_of
+from workbench.geometry.medians import median_of, robust_sd
 from workbench.kernels import kernel
 from workbench.units import DEG, TO_SD, AnyArray, Bool, Float, Float32, Int
 
@@ -83,7 +83,7 @@ def stands_out(cloud: Cloud, labels: AnyArray, one: int, other: int) -> StandsOu
     if len(out) < LEAST_FRAMES:
         return NOTHING
     corner, close = np.median(out, axis=0)
-    spread = float(np.median(np.abs(out[:, 1] - close))) * TO_SD
+    spread = robust_sd(out[:, 1] - close)
     kept = out[np.abs(out[:, 1] - close) <= ODD * spread, 1]
     return StandsOut(float(corner), float(kept.mean()), float(kept.std() / math.sqrt(len(kept))))
 
@@ -97,7 +97,7 @@ def frames_with(labels: AnyArray, faces: Iterable[int], count: int) -> Int:
         found = every * np.flatnonzero(np.all([(labels[::every] == face).any(axis=1) for face in faces], axis=0))
         if len(found) >= count or every == 1:
             break
-    return some(found, count) if len(found) else found
+    return some(found, count)
 
 
 def thinning(frames: int, count: int) -> int:

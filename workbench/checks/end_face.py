@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from workbench.artefacts import ROOT_FACE, UPPER_SURFACE, Check, Cloud
+from workbench.checks.corners import LEAST_FRAMES
 from workbench.checks.faces import LEAST_POINTS, SAMPLE, direction, rising
 from workbench.checks.judge import refuse_failed
 from workbench.checks.levels import beside_share
@@ -15,7 +16,6 @@ from workbench.checks.sensor import some
 from workbench.checks.straightness import straight_checks, straightness
 from workbench.units import DEG, AnyArray
 
-LEAST_FRAMES = 4
 STEP_FROM_MM = 0.15  # beside the end face, from which on a return is not its own
 # A second face behind the first: how much of it is looked at, and by how much it may lean to the first.
 WALL_MM, WALL_LEAN = 1.5, 20.0 * DEG

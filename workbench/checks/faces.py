@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
-from workbench.checks.corners import frames_with, stands_out, thinning
+from workbench.checks.corners import LEAST_FRAMES, frames_with, stands_out, thinning
 from workbench.checks.judge import refuse_failed
 from workbench.checks.levels import beside_check
 from workbench.checks.limits import Bound, check, least, most
+from workbench.checks.passes import LEAST_RETURNS
 from workbench.checks.sensor import column_pitch_mm, some
 from workbench.checks.straightness import NAMES, Straightness, straight_checks, straightness
 from workbench.geometry.medians import median
@@ -21,8 +22,6 @@ from workbench.units import DEG, AnyArray, Float
 SAMPLE = 40  # frames with faces
 COUNTED = 500  # frames, of which eight times as many tell the share that shows faces
 LEAST_POINTS = 8  # of a face, to tell its direction
-LEAST_RETURNS = 16  # of a frame that shows something
-LEAST_FRAMES = 4
 ON = 2.0 * DEG  # turn, median of the frames, of what goes on elsewhere
 PARTED_DEG = 8.0  # a face beyond the bevel that turns by more is another face: it bends no line of the bevel
 FURTHER = "further_face_deg"
@@ -147,8 +146,7 @@ def judge_faces(
     found = np.isin(labels[::every], list(NAMES)).any(axis=1)
     share = float((found & shows).sum() / max(int(shows.sum()), 1))
     told = f"faces of a bevel were found in {100 * share:.0f} % of the frames: no bevel, or little of one?"
-    rows = every * np.flatnonzero(found)
-    rows = some(rows, SAMPLE) if len(rows) else rows
+    rows = some(every * np.flatnonzero(found), SAMPLE)
     clear = _without_rim(cloud, labels, rim_mm) if rim_mm > 0.0 else labels
     shape = {face: straightness(cloud, clear, face) for face in NAMES}
     seen = [one for i in rows if (one := _corner_of(cloud, labels[i], int(i))) is not None]

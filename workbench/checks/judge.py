@@ -36,9 +36,11 @@ from workbench.checks.window import (
     some_frames,
 )
 from workbench.errors import InputError
+from workbench.geometry.along import by_pass
 from workbench.geometry.grids import blind_columns, extent, telling_returns
+from workbench.geometry.moves import chords_mm, runs
 from workbench.geometry.poses import interpolate_poses
-from workbench.units import Bool, Float
+from workbench.units import Float
 
 STEP_SHARE = 0.25  # of the columns' distance: coarser steps move returns unevenly
 NOT_JUDGED = Check(
@@ -324,10 +326,7 @@ def _pitch_mm(recording: Recording) -> float:
 def _columns_a_frame(recording: Recording) -> float:
     """How many columns' widths the flange moves from frame to frame: of profiles in inches 25 times as many."""
     position, pitch = recording.robot_position_mm, _pitch_mm(recording)
-    way = sum(
-        float(np.linalg.norm(np.diff(position[recording.robot_pass == number], axis=0), axis=1).sum())
-        for number in np.unique(recording.pass_index)
-    )
+    way = sum(float(chords_mm(position[poses]).sum()) for poses in by_pass(recording.robot_pass))
     return way / max(len(recording.time_s) - 1, 1) / pitch if pitch > 0 else float("inf")
 
 
@@ -357,10 +356,10 @@ def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: 
     for number in np.unique(recording.pass_index):
         at, time = recording.robot_pass == number, recording.time_s[recording.pass_index == number]
         place = np.stack([np.interp(time, recording.robot_time_s[at], column) for column in position[at].T], axis=1)
-        step = np.linalg.norm(np.diff(place, axis=0), axis=1)
-        standing.append(float((step < STANDING_MM).mean()) if len(step) else 0.0)
+        moved = chords_mm(place)
+        standing.append(float((moved < STANDING_MM).mean()) if len(moved) else 0.0)
         took, turn = np.maximum(np.diff(recording.robot_time_s[at]), LEAST_S), recording.robot_quaternion_wxyz[at]
-        ways = np.linalg.norm(np.diff(position[at], axis=0), axis=1), _angles_deg(turn[1:], turn[:-1])
+        ways = chords_mm(position[at]), _angles_deg(turn[1:], turn[:-1])
         held += [held_poses(way / took) for way in ways]
     told = f"{max(held)} poses in a row have one position, or one orientation, and the next one jumps: a frozen stream?"
     yield check("held_poses", max(held), told if max(held) else "", given=given)
@@ -397,16 +396,10 @@ def _copy_checks(
         once = "" if calibration else ", and count once"
         told.append(f"{len(passes)} of {count} passes are copies of others{once}: {copies}")
     yield check("repeated_share", float(copied.mean()), "; ".join(told if copied.any() else told[1:]), given=given)
-    run = _longest_run(repeats.copies & ~again)
+    run = max((last - first + 1 for first, last in runs(repeats.copies & ~again)), default=0)
     waits = f"one profile comes {run + 1} times in a row: a frozen or repeating scanner, a driver that waits? All that "
     waits += "comes after may be as many frames late"
     yield check("repeated_run", None if calibration else float(run), waits, given=given)
-
-
-def _longest_run(on: Bool) -> int:
-    """How many of (n,) are so in a row at the most."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(np.int8)))
-    return int((edges[1::2] - edges[::2]).max(initial=0))
 
 
 def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:
@@ -525,10 +518,7 @@ def _unseen(recording: Recording, found: Mapping[int, Chain], now: Consistency) 
     ranges = [float(np.degrees(np.ptp(np.percentile(chain.track[1], [5, 95])))) for chain in found.values()]
     against = max(ranges, default=0.0)
     against += 2.0 * now.varies_deg if np.isfinite(now.varies_deg) else 0.0
-    turned = max(
-        _turned_deg(recording.robot_quaternion_wxyz[recording.robot_pass == number])
-        for number in np.unique(recording.robot_pass)
-    )
+    turned = max(_turned_deg(recording.robot_quaternion_wxyz[poses]) for poses in by_pass(recording.robot_pass))
     told = f"the flange rotates by {turned:.1f} deg within a pass: "
     told += "a scale of its travel and frames in reverse order would not show"
     if min(turned, against) < TURNS_DEG:
@@ -549,8 +539,7 @@ def _unseen(recording: Recording, found: Mapping[int, Chain], now: Consistency) 
 
 def _sways(recording: Recording) -> bool:
     """Whether the flange turns unevenly enough, in some pass, for a clock offset to turn the section with it."""
-    for number in np.unique(recording.robot_pass):
-        at = recording.robot_pass == number
+    for at in by_pass(recording.robot_pass):
         step_s = np.maximum(np.diff(recording.robot_time_s[at]), LEAST_S)
         quaternion = recording.robot_quaternion_wxyz[at]
         if len(step_s) and np.std(_angles_deg(quaternion[1:], quaternion[:-1]) / step_s) > SWAYING_DEG_S:

@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
-from workbench.checks.corners import face_columns, fitted_line, frames_with, off_line
+from workbench.checks.corners import LEAST_FRAMES, face_columns, fitted_line, frames_with, off_line
 from workbench.checks.limits import Bound, check, most
+from workbench.checks.straightness import FRAMES
 from workbench.geometry.blocks import as_input
 from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int
@@ -46,7 +47,7 @@ def one_level(ends: Sequence[Beyond], frames: int) -> tuple[float, float]:
 
 
 BEHIND = "stands_behind_mm"
-FRAMES, LEAST_FRAMES, LEAST_POINTS = 120, 4, 8  # evenly, that show the root face; its returns
+LEAST_POINTS = 8  # of the root face
 FROM_MM, FROM_SIGMAS, TO_MM = 0.04, 5.0, 3.0  # beside its line
 FAR_MM, COLUMNS = 3.0, 60  # beyond its end
 RUN_POINTS, RUN_MM, LEAN = 4, 0.15, 0.15  # of a run: returns, length, slope to the face: a rounded edge falls steeper

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.checks.profiles import MEDIAN, THIRD, Chain
+from workbench.checks.profiles import MEDIAN, Chain
 from workbench.checks.sensor import some
-from workbench.units import DEG, Float, Int, Shaped
+from workbench.geometry.along import by_pass
+from workbench.units import DEG, THIRD, Float, Int, Shaped
 
 REACH, LONG = 3, 20  # profiles on each side, for the direction of the way; of a stretch that is looked at without ends
 LEAST_STRETCH = 6  # profiles: fewer tell nothing of a way
@@ -134,8 +135,7 @@ def way_of(place: Float, stretch: Int, pose: Float) -> Way:
     """
     normal = pose[:, :3, 1]
     arc, tangent = np.full(len(place), np.nan), np.full((len(place), 3), np.nan)
-    for number in np.unique(stretch):
-        at = np.flatnonzero(stretch == number)
+    for at in by_pass(stretch):
         if len(at) < min(LEAST_STRETCH, len(place)):
             continue
         arc[at], tangent[at] = _line_of(place[at], normal[at])
@@ -227,9 +227,8 @@ def jump_mm(time_s: Float, position_mm: Float, pass_index: Int) -> float:
     longest of these steps: over less, noise of the poses beside a drop-out is enlarged across it.
     """
     found = 0.0
-    for number in np.unique(pass_index):
-        mine = pass_index == number
-        if mine.sum() < JUMP_POSES:
+    for mine in by_pass(pass_index):
+        if mine.size < JUMP_POSES:
             continue
         time, place = time_s[mine], position_mm[mine]
         step, took = np.diff(place, axis=0), np.diff(time)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.checks.motion import SINGLE
 from workbench.checks.sensor import some
 from workbench.geometry.medians import row_medians
 from workbench.units import AnyArray
 
 FRAMES, COLUMNS, APART = 1000, 64, 8  # that are looked at, evenly; of these, columns between which x is compared
-SINGLE = 8.0  # times what nine in ten frames differ from the one before
 
 
 def lateral_step(x_mm: AnyArray, z_mm: AnyArray) -> tuple[float, int]:

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from workbench.checks.sensor import some
+from workbench.geometry.along import by_pass
 from workbench.geometry.grids import frame_digests
 from workbench.units import AnyArray, Bool, Float, Int, Shaped
 
@@ -41,8 +42,7 @@ def find_repeats(z_mm: AnyArray, pass_index: Int) -> Repeats:
         return none
     counted = np.isfinite(z_mm).sum(axis=1) >= LEAST_RETURNS
     copies = np.zeros(frames, bool)
-    for number in np.unique(pass_index):
-        at = np.flatnonzero((pass_index == number) & counted)
+    for at in by_pass(pass_index, counted):
         copies[np.delete(at, np.unique(digest[at], return_index=True)[1])] = True
     return Repeats(copies, alike)
 

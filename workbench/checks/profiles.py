@@ -12,14 +12,14 @@ import numpy as np
 
 from workbench.artefacts import Check
 from workbench.checks.sensor import some
-from workbench.geometry.blocks import as_input
+from workbench.geometry.along import by_pass
+from workbench.geometry.blocks import as_input, evenly
 from workbench.geometry.medians import median_of, row_medians, select
 from workbench.kernels import kernel
-from workbench.units import TO_SD, AnyArray, Bool, Float, Int, Shaped
+from workbench.units import THIRD, TO_SD, AnyArray, Bool, Float, Int, Shaped
 
 RUNS, RUN_FRAMES = 8, 24  # of a pass, evenly: frames next to each other, which show a rough face at nearly one place
 LEAST_BENDS = 8  # third differences that tell
-THIRD = math.sqrt(20.0)  # of 1, -3, 3, -1
 MEDIAN, NINE_IN_TEN = 1.1774, 2.146  # length of two normal numbers of standard deviation 1
 SMOOTH_MM, IN_ORDER = 0.02, 0.08  # of the profiles of a chain: what scatters by less, and less of its way, is in order
 ALIKE_MM = 0.003  # what places may differ by for the noise of profiles alone
@@ -69,7 +69,7 @@ def _jumps_mm(found: Iterable[Chain], size: float, percentile: float) -> float:
 
 def _runs(x_mm: AnyArray, z_mm: AnyArray, frames: Int) -> Iterator[Chain]:
     """Chains of frames next to each other."""
-    for start in np.unique(np.linspace(0, max(len(frames) - RUN_FRAMES, 0), RUNS).astype(np.int64)):
+    for start in evenly(max(len(frames) - RUN_FRAMES, 0) + 1, RUNS):
         run = frames[start : start + RUN_FRAMES]
         yield from chains(x_mm[run], z_mm[run], np.zeros(run.size, np.int64)).values()
 
@@ -133,11 +133,10 @@ class Chain:
 def chains(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> dict[int, Chain]:
     """A chain for each pass (N,) of a grid (N, M) that has three profiles or more with returns."""
     found = {}
-    for number in np.unique(pass_index):
-        frames = sampled(np.flatnonzero(pass_index == number))
-        made = _chain(x_mm, z_mm, frames)
+    for frames in by_pass(pass_index):
+        made = _chain(x_mm, z_mm, sampled(frames))
         if made is not None:
-            found[int(number)] = made
+            found[int(pass_index[frames[0]])] = made
     return found
 
 

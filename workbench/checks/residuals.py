@@ -12,11 +12,12 @@ import numpy as np
 from workbench.artefacts import Check
 from workbench.checks.limits import Bound, check
 from workbench.checks.motion import twisted
-from workbench.geometry.medians import median, medians
+from workbench.geometry.along import by_pass
+from workbench.geometry.medians import median, medians, robust_sd
 from workbench.geometry.poses import vector_from_rotation
-from workbench.units import DEG, TO_SD, Bool, Float, Int, Shaped
+from workbench.units import DEG, MEDIAN_U, Bool, Float, Int, Shaped
 
-SURE = 5.0  # of a difference of every second frame, times its standard uncertainty
+CERTAIN = 5.0  # of a difference of every second frame, times its standard uncertainty
 LEAST_FRAMES = 48  # that tell how frames go together
 
 
@@ -26,15 +27,17 @@ def every_second(left: Float, passes: Int) -> float:
     An exposure, or two lasers, that alternate: nothing tells which of them measure the part.
     """
     found = 0.0
-    for number in np.unique(passes):
-        mine = left[passes == number]
+    for frames in by_pass(passes):
+        mine = left[frames]
         one, other = (of[np.isfinite(of)] for of in (mine[::2], mine[1::2]))
         if min(one.size, other.size) < LEAST_FRAMES // 2:
             continue
         middle = median(one), median(other)
-        scatter = [median(np.abs(of - m)) * TO_SD for of, m in zip((one, other), middle, strict=True)]
+        scatter = [robust_sd(of - m) for of, m in zip((one, other), middle, strict=True)]
         apart = abs(middle[0] - middle[1])
-        if apart > SURE * 1.2533 * math.hypot(scatter[0] / math.sqrt(one.size), scatter[1] / math.sqrt(other.size)):
+        if apart > CERTAIN * MEDIAN_U * math.hypot(
+            scatter[0] / math.sqrt(one.size), scatter[1] / math.sqrt(other.size)
+        ):
             found = max(found, 0.5 * apart)
     return found
 
@@ -113,8 +116,7 @@ def late_of(face: FaceAlong, pose: Float, time_s: Float, passes: Int) -> Late:
     offset, unsure, by_turn, rate, oblique, turned, by_place = np.zeros((7, face.s.size))
     still_mm = np.zeros((face.s.size, 3))
     found = Late(offset, unsure, by_turn, rate, oblique, still_mm, still_mm.copy(), passes)
-    for number in np.unique(passes):
-        mine = np.flatnonzero((passes == number) & np.isfinite(face.s) & np.isfinite(face.angle))
+    for mine in by_pass(passes, np.isfinite(face.s + face.angle)):
         if mine.size < LEAST_BINS * FRAMES_A_LATE_BIN:
             continue
         edges = np.linspace(0, mine.size, min(LATE_BINS, mine.size // FRAMES_A_LATE_BIN) + 1).astype(np.int64)
@@ -163,7 +165,7 @@ def _both_show(face: FaceAlong, turned: Float, pair: list[Bool]) -> bool:
     size = max(float(late @ late), 1e-30)
     share = float(shown @ late) / size
     off = shown - share * late
-    return share + SURE * math.sqrt(float(off @ off) / (both.sum() - 2) / size) < 0.5
+    return share + CERTAIN * math.sqrt(float(off @ off) / (both.sum() - 2) / size) < 0.5
 
 
 def late_check(late: Late, limits: Mapping[str, Bound] | None = None) -> Check:

@@ -11,7 +11,7 @@ import numpy as np
 from workbench.geometry.blocks import as_input
 from workbench.geometry.medians import median, row_medians
 from workbench.kernels import kernel
-from workbench.units import TO_SD, AnyArray, Bool, Float, Int
+from workbench.units import THIRD, TO_SD, AnyArray, Bool, Float, Int
 
 PIECE = 48  # columns of one straight piece
 LAGS = 24
@@ -30,7 +30,7 @@ BENT = 4.0  # median bends: an outlier that was averaged enters and leaves the m
 STRAIGHT, LEAST_NOISE_MM = 1.4, 1e-6  # median misfits: a bent, broken or rough piece has more; held values have less
 ROUNDED, NO_NOISE_MM = 4.0, 3e-5  # misfits without noise: steps of float32, or less than what any filter leaves of one
 QUIET_MM = 1e-3  # second differences of lateral places then: with axes swapped the noise is in these
-THIRD_OF_NOISE = math.sqrt(20.0) / TO_SD  # median of 1, -3, 3, -1, of noise of 1: rays in a fan bend a steep face
+THIRD_OF_NOISE = THIRD / TO_SD  # the median of third differences: rays in a fan bend a steep face
 EVEN = 0.05  # by how much steps that are alike differ
 TOP, HALF, BELOW = (np.linspace(*ends, 9) for ends in ((0.42, 0.5), (0.2, 0.3), (0.1, 0.3)))  # per sample: `fading`
 FILTERED = 0.05  # as little of the noise is left at two columns where a filter has smoothed by 0.7 columns and more
@@ -100,7 +100,7 @@ def _gaussian_width(ratio: float) -> float:
 
 def some(grid: AnyArray, count: int = SAMPLE) -> AnyArray:
     """So many frames of a grid (N, M), evenly."""
-    return np.asarray(grid[np.unique(np.linspace(0, len(grid) - 1, count).astype(int))])
+    return np.asarray(grid[np.unique(np.linspace(0, len(grid) - 1, count if len(grid) else 0).astype(int))])
 
 
 def shared_range(z_mm: AnyArray) -> tuple[float, float] | None:
@@ -289,7 +289,7 @@ def _series(z_mm: AnyArray, pass_index: Int) -> Float:
     """Ranges (columns, frames) of some columns over the middle of the longest pass."""
     at = np.flatnonzero(pass_index == np.bincount(pass_index - pass_index.min()).argmax() + pass_index.min())
     start = max(len(at) - BLOCK, 0) // 2
-    columns = np.unique(np.linspace(0, z_mm.shape[1] - 1, SERIES).astype(int))
+    columns = some(np.arange(z_mm.shape[1]), SERIES)
     return np.asarray(z_mm[at[None, start : start + BLOCK], columns[:, None]].astype(np.float64))
 
 

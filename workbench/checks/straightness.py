@@ -9,19 +9,18 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
-from workbench.checks.corners import face_columns, fitted_line, frames_with, off_line
+from workbench.checks.corners import LEAST_FRAMES, face_columns, fitted_line, frames_with, off_line
 from workbench.checks.limits import Bound, check
 from workbench.geometry.blocks import as_input
 from workbench.kernels import kernel
-from workbench.units import DEG, TO_SD, AnyArray, Bool, Float, Float32
+from workbench.units import DEG, MEDIAN_U, TO_SD, AnyArray, Bool, Float, Float32
 
-FRAMES, LEAST_FRAMES = 120, 4  # evenly, that show the face
+FRAMES = 120  # evenly, that show the face
 PLACES, LEAST_PLACES = 36, 8  # on the face, from end to end; each holds a return of most frames
 TWO_PIECES = 12  # places at the least, that tell a corner
 SEEN = 0.5  # share of the frames in which a place is seen
 NEXT = 2  # places at the least on each side of a corner
 BETTER = 2.5  # times what two straight pieces leave in squares: by how much less it is than what a parabola leaves
-MEDIAN_U = 1.2533  # standard uncertainty of a median over that of a mean
 SURE_BOW = 3.0  # standard uncertainties by which a bow is one
 SURE_CORNER = 6.0  # likewise a corner: 30 compound bevels have 35 and more, noise that columns share 4
 BESIDE = 0.02  # of its width, within which a face with a corner of up to 4.5 deg stays beside its line

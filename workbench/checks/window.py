@@ -11,6 +11,7 @@ import numpy as np
 from workbench.artefacts import Check, Recording
 from workbench.checks.limits import Bound, check
 from workbench.checks.profiles import Chain, chains, sampled
+from workbench.geometry.along import by_pass
 from workbench.geometry.blocks import is_repeated
 from workbench.geometry.grids import widest_blind
 from workbench.units import AnyArray, Bool, Float, Int
@@ -124,8 +125,7 @@ def dropped_columns(z: AnyArray) -> int:
 
 def some_frames(recording: Recording) -> AnyArray:
     """Ranges (n, M) of some frames of every pass."""
-    passes = recording.pass_index
-    frames = np.concatenate([sampled(np.flatnonzero(passes == number)) for number in np.unique(passes)])
+    frames = np.concatenate([sampled(mine) for mine in by_pass(recording.pass_index)])
     return np.asarray(recording.z_mm[frames])
 
 
@@ -172,8 +172,7 @@ def _moves(chain: Chain, recording: Recording, side: int, column: int) -> bool:
         return False
     pitch = float(np.median(np.abs(np.diff(recording.x_mm[middle][np.isfinite(recording.z_mm[middle])]))))
     stretch = chain.track[2]
-    for number in np.unique(stretch[at]):
-        mine = at[stretch[at] == number]
+    for mine in [at[one] for one in by_pass(stretch[at])]:
         end = np.array([x[mine[0], column], recording.z_mm[chain.frames[mine[0]], column]], float)
         gone = chain.carried(end, int(mine[0]))[mine - mine[0], 0]
         if np.ptp(np.percentile(gone, [25.0, 75.0])) / 1.349 > max(MOVED_MM, MOVED_COLUMNS * pitch):

@@ -20,7 +20,8 @@ import numpy as np
 import scipy
 
 from workbench.compare.surface import Surface
-from workbench.units import TO_SD, Bool, Float, Int, Shaped
+from workbench.geometry.medians import robust_sd
+from workbench.units import Bool, Float, Int, Shaped
 
 LEAST_POINTS = 8
 FLAT = 0.02  # smallest over middle eigenvalue of a flat neighbourhood: beyond, there is a corner in it
@@ -185,19 +186,15 @@ def heights(
     return Heights(*np.array([_intercept(*cylinder, least) for cylinder in cylinders]).reshape(-1, 4).T)
 
 
-def _spread(residual: Float) -> float:
-    return TO_SD * float(np.median(np.abs(residual)))
-
-
 def _scatter(design: Float, what: Float) -> float:
     """Of the points about their plane, less those that stand aside by `ASIDE` of it."""
     residual = what - np.median(what)
     for _ in range(ROUNDS):
-        near = np.abs(residual) <= ASIDE * _spread(residual)
+        near = np.abs(residual) <= ASIDE * robust_sd(residual)
         if near.sum() < LEAST_IN_CYLINDER:
             break
         residual = what - design @ np.linalg.lstsq(design[near], what[near])[0]
-    return _spread(residual)
+    return robust_sd(residual)
 
 
 def _intercept(design: Float, what: Float, cluster: Int, least: float) -> tuple[float, float, float, float]:
@@ -210,7 +207,7 @@ def _intercept(design: Float, what: Float, cluster: Int, least: float) -> tuple[
         return NOWHERE
     residual, used = what - np.median(what), np.zeros(len(what), bool)
     for _ in range(ROUNDS):
-        again = np.abs(residual) <= ASIDE * max(_spread(residual), least)
+        again = np.abs(residual) <= ASIDE * max(robust_sd(residual), least)
         matrix = design[again].T @ design[again]
         if again.sum() < LEAST_IN_CYLINDER or np.linalg.det(matrix) <= 1e-6 * again.sum() ** 3:
             return NOWHERE

@@ -20,10 +20,11 @@ from workbench.compare.local_planes import Surfels, Target, surfels, target_of
 from workbench.compare.surface import Registration, Surface, rigid
 from workbench.errors import InputError
 from workbench.geometry.coarse import coarse_registration, fine_registration
+from workbench.geometry.medians import robust_sd
 from workbench.geometry.poses import inverse, mapped, pose_from, rotation_from_vector, vector_from_rotation
 from workbench.stage import stage
 from workbench.strict_json import strict_json
-from workbench.units import TO_SD, Bool, Float, Int, Shaped
+from workbench.units import Bool, Float, Int, Shaped
 
 OPEN = 2e-3  # mean square of the motion along the normals, per mm of motion: below, a direction is open
 STEPS = 30
@@ -96,7 +97,7 @@ def equations_at(source: Surfels, target: Target, pose: Float, reach_mm: float) 
     off = points - pivot
     lever = float(np.sqrt((off**2).sum() / max(len(off), 1))) or 1.0
     middle = np.median(height) if len(height) else 0.0
-    sigma = max(TO_SD * float(np.median(np.abs(height - middle))) if len(height) else 0.0, LEAST_SIGMA_MM)
+    sigma = max(robust_sd(height - middle) if len(height) else 0.0, LEAST_SIGMA_MM)
     spread = max(sigma, abs(float(middle)))  # far from the end all residuals are of one sign
     weight = np.maximum(1.0 - (height / (TUKEY * spread)) ** 2, 0.0) ** 2
     frame = None if source.frame is None else source.frame[use]

@@ -42,10 +42,12 @@ from workbench.edge.faces import TrackedFaces
 from workbench.edge.lower_fillet import LowerFillet
 from workbench.geometry.blocks import as_input, evenly
 from workbench.geometry.chains import FaceLines
-from workbench.geometry.course import CHANCE, LEAST_SHARED, fit_course, stretches
+from workbench.geometry.course import CHANCE, LEAST_SHARED, fit_course, shares, stretches
 from workbench.geometry.end_face import BROKEN_MM
 from workbench.geometry.grids import dark_beyond
 from workbench.geometry.medians import medians
+from workbench.geometry.moves import arc_lengths_mm
+from workbench.geometry.poses import in_planes
 from workbench.kernels import kernel
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
 
@@ -86,7 +88,7 @@ class FaceRim:
 def root_rim(tracked: TrackedFaces, left_out_mm: float = 0.0) -> FaceRim:
     """The lower end of a milled edge's root face; left_out_mm: of it, along x, where its line was fitted elsewhere."""
     root, bevel = tracked.faces[ROOT_FACE], tracked.faces[BEVEL_FACE]
-    sense = np.sign(tracked.side * (root.sxz / root.sxx - bevel.sxz / bevel.sxx))  # they meet in a convex corner
+    sense = np.sign(tracked.side * (root.slope - bevel.slope))  # they meet in a convex corner
     return FaceRim(
         root,
         tracked.side,
@@ -171,8 +173,7 @@ class BrokenEnd:
         misfit = ((at - edge) ** 2 / variance + np.log(variance)).sum(axis=0) + np.log((1.0 / variance).sum(axis=0))
         with np.errstate(divide="ignore"):
             log = np.log(self.share) - 0.5 * misfit
-        share = np.exp(log - log.max())
-        share /= share.sum()
+        share = shares(log)
         mean = float(share @ edge)
         unexplained = np.maximum(apart - CHANCE**2 * (weight * variance).sum(axis=0), 0.0)
         left = (edge - mean) ** 2 + (weight**2 * own).sum(axis=0) + unexplained
@@ -258,9 +259,7 @@ def _posterior(
     seen = [seen_end(view, templates) for view in views]
     by_corner = np.zeros(templates.size_mm.size) if corner is None else _corner_log(templates, corner)
     likelihood = np.sum([by_corner, *(one.log for one in seen)], axis=0)
-    log = templates.log_prior + likelihood
-    share = np.exp(log - log.max())
-    return seen, likelihood, share / share.sum()
+    return seen, likelihood, shares(templates.log_prior + likelihood)
 
 
 class EndFrames(NamedTuple):
@@ -298,10 +297,8 @@ def _own_break(cloud: Cloud, rim: FaceRim, shown: EndFrames, unseen_mm: float, f
     most = FAR * np.median(np.abs(off))
     usual = np.clip(off, -most, most)  # where the end is lost it is not by the view
     value -= lean * float(lean @ usual) / float(lean @ lean + lean.size * STEADY**2)
-    pose, face, x = cloud.base_from_profiler[shown.frames, :3], rim.face, rim.end_x_mm[shown.frames]
-    z = face.z_mean[shown.frames] + face.slope[shown.frames] * (x - face.x_mean[shown.frames])
-    place = pose[:, :, 3] + x[:, None] * pose[:, :, 0] + z[:, None] * pose[:, :, 2]
-    s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(place, axis=0), axis=1))])
+    place = in_planes(cloud.base_from_profiler, rim.end_x_mm, rim.face.z(rim.end_x_mm))[shown.frames]
+    s = arc_lengths_mm(place)
     course = fit_course(s, value)
     level, varies = float(course.value(s).mean()), float(course.value(s).var())
     proven = max(1.0 - float((course.u(s) ** 2).mean()) / varies, 0.0) if varies > 0.0 else 0.0
@@ -382,8 +379,7 @@ def _footprints(cloud: Cloud, rim: FaceRim, here: Bool) -> Float:
         blunt, u = _bluntness(cloud, rim, rim.beside, here & (cloud.pass_index == one))
         spread = np.hypot(u, CUT_SPREAD * cut)
         log += np.log((1.0 - WORN) * np.exp(-0.5 * ((blunt - cut) / spread) ** 2) / spread + WORN)
-    share = np.exp(log - log.max())
-    return np.asarray(share / share.sum())
+    return shares(log)
 
 
 def _bluntness(cloud: Cloud, rim: FaceRim, beside: FaceLines, here: Bool) -> tuple[float, float]:
@@ -393,7 +389,7 @@ def _bluntness(cloud: Cloud, rim: FaceRim, beside: FaceLines, here: Bool) -> tup
         return 0.0, 1.0
     x = cloud.x_mm[frames].astype(np.float64)
     fold = (beside.slope - face.slope)[frames]
-    corner = (face.z_mean - beside.z_mean + beside.slope * beside.x_mean - face.slope * face.x_mean)[frames] / fold
+    corner = face.crossing(beside)[frames]
     lines = [of.z_mean[frames, None] + of.slope[frames, None] * (x - of.x_mean[frames, None]) for of in (face, beside)]
     pitch = column_pitch_mm(cloud.x_mm[frames])
     way = (x - corner[:, None]) * rim.side[frames, None] / pitch
@@ -424,7 +420,7 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool, footprints: Float) -> tuple[En
         view = EndView(unknown, edges, math.atan(slope), step, end_phases(True), 0.0, 0.0, footprints)
         return view, EndFrames(frames[:0], np.zeros(0), np.zeros((0, LEAST_GROUPS)), edges)
     step = float(np.median(rim.step_mm[frames]))
-    slopes = face.sxz[frames] / face.sxx[frames]
+    slopes = face.slope[frames]
     slope = float(np.median(_recession(rim, frames)))
     width = float(np.median(np.sqrt(12.0 * face.sxx[frames] / face.count[frames]))) + rim.left_out_mm
     width *= math.hypot(1.0, slope)
@@ -500,7 +496,7 @@ def _fills(cloud: Cloud, rim: FaceRim, frames: Int, moving: bool) -> Float:
     face, x = rim.face, cloud.x_mm[frames]
     column, returned = np.arange(x.shape[1]), np.isfinite(cloud.z_mm[frames])
     first, last = face.columns[frames].T
-    slope = (face.sxz[frames] / face.sxx[frames])[:, None]
+    slope = face.slope[frames, None]
     off = np.abs(cloud.z_mm[frames] - face.z_mean[frames, None] - slope * (x - face.x_mean[frames, None]))
     apart = off > (STEP_MM + 2.0 * rim.step_mm[frames, None]) * np.hypot(1.0, slope)
     end = np.where(returned & ~apart, np.abs(x - rim.end_x_mm[frames, None]), np.inf).argmin(axis=1)
@@ -536,7 +532,7 @@ def _told_fills(light: AnyArray, on_face: AnyArray, rival: AnyArray) -> Float | 
 
 def _recession(rim: FaceRim, frames: Int) -> Float:
     """How fast the face falls away from the sensor towards its end, by x; negative: seen from beyond the end."""
-    return np.asarray(rim.sense[frames] * rim.side[frames] * rim.face.sxz[frames] / rim.face.sxx[frames])
+    return np.asarray(rim.sense[frames] * rim.side[frames] * rim.face.slope[frames])
 
 
 def _between(depth: Float) -> Float:
@@ -664,5 +660,5 @@ def _hidden_end_u_mm(cloud: Cloud, face: FaceLines) -> float:
     columns = hidden_columns_u(cloud.checks)
     if not columns:
         return 0.0
-    lean = float(np.nanmedian(np.hypot(1.0, face.sxz / face.sxx)))
+    lean = float(np.nanmedian(face.lean))
     return columns * column_pitch_mm(cloud.x_mm) * lean

@@ -16,6 +16,7 @@ from workbench.edge.identify import CONTEXT, Candidate, candidates, contradicted
 from workbench.edge.raw_direction import across_the_edge
 from workbench.errors import InputError
 from workbench.geometry import tracking
+from workbench.geometry.along import by_pass
 from workbench.geometry.blocks import in_order
 from workbench.geometry.chains import FaceLines, noise_sigma, straight_faces
 from workbench.geometry.medians import median
@@ -77,7 +78,7 @@ def find_faces(
     labels = np.zeros((n, columns), np.uint8)
     sigma = np.full((n, 4), np.nan)
     rising, apart = np.ones(n), math.inf
-    passes = [_frames(cloud.pass_index, p) for p in np.unique(cloud.pass_index)]
+    passes = [_as_slice(frames) for frames in by_pass(cloud.pass_index)]
     nominal = root_nominal_mm, bevel_nominal_deg * DEG
     up = None if upper_side is None else across_the_edge(cloud, upper_side, "edge.segment.upper_side")
     first = [_readings(cloud, frames, nominal, up, FEW_KEY_FRAMES) for frames in passes]
@@ -125,7 +126,7 @@ def find_faces(
 
 def _turns_up(faces: dict[int, FaceLines]) -> Bool:
     """Frames (N,) in which what joins the root face's lower end turns the other way than bevel and root face do."""
-    bevel, root, lower = (np.arctan(faces[one].sxz / faces[one].sxx) for one in (BEVEL_FACE, ROOT_FACE, LOWER_SURFACE))
+    bevel, root, lower = (np.arctan(faces[one].slope) for one in (BEVEL_FACE, ROOT_FACE, LOWER_SURFACE))
     return np.asarray((lower - root) * (root - bevel) < 0.0)
 
 
@@ -136,18 +137,15 @@ def _among_such(flagged: Bool, seen: Bool, pass_index: Int) -> Bool:
     return) shows a false end all the same.
     """
     out = flagged.copy()
-    for p in np.unique(pass_index) if flagged.any() else ():
-        mine = np.flatnonzero((pass_index == p) & seen)
+    for mine in by_pass(pass_index, seen) if flagged.any() else ():
         near = np.ones(min(2 * NEIGHBOURS + 1, mine.size))
-        if mine.size:
-            share = np.convolve(flagged[mine], near, "same") / np.convolve(np.ones(mine.size), near, "same")
-            out[mine] |= share > 0.5
+        share = np.convolve(flagged[mine], near, "same") / np.convolve(np.ones(mine.size), near, "same")
+        out[mine] |= share > 0.5
     return out
 
 
-def _frames(pass_index: Int, number: int) -> slice | Int:
+def _as_slice(frames: Int) -> slice | Int:
     """The frames of a pass, as a slice where they lie together (a view instead of a copy)."""
-    frames = np.flatnonzero(pass_index == number)
     if frames[-1] - frames[0] + 1 == frames.size:
         return slice(int(frames[0]), int(frames[-1]) + 1)
     return frames

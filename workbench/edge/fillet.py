@@ -20,7 +20,8 @@ import numpy as np
 import scipy
 
 from workbench.edge.groove_profile import TRIM_MM
-from workbench.units import DEG, TO_SD, Float, Shaped
+from workbench.geometry.medians import robust_sd
+from workbench.units import DEG, MEDIAN_U, TO_SD, Float, Shaped
 
 LEAST_ARC, LEAST_POINTS = 8, 12  # returns of a fillet alone; with its flank
 LEAST_SHARE = 0.2  # of the noise that counts across it, at least
@@ -113,7 +114,7 @@ def misfit_mm(fillets: Sequence[Fillet]) -> float:
     """
     left = np.array([one.left_mm for one in fillets])
     middle = np.median(left, axis=0)
-    noise = 1.2533 * np.median(np.abs(left - middle), axis=0) * TO_SD / math.sqrt(len(left))
+    noise = MEDIAN_U * np.median(np.abs(left - middle), axis=0) * TO_SD / math.sqrt(len(left))
     return math.sqrt(max(float(np.mean(middle**2 - noise**2)), 0.0))
 
 
@@ -172,7 +173,7 @@ def fit_below_flank(
     fillet = _fillet((radius, float(centre(found.x)[1]) - radius, 0.0), gradient, found, on_arc, sigma_mm)
     if fillet is None:
         return None
-    own = np.linalg.inv(found.jac.T @ found.jac) * max(_rms(found.fun), 1.0) ** 2
+    own = np.linalg.inv(found.jac.T @ found.jac) * max(robust_sd(found.fun), 1.0) ** 2
     return Flank(way + turn, float(own[0, 0]), middle + off * inside, float(own[1, 1])), fillet
 
 
@@ -261,12 +262,8 @@ def _fillet(
     runs = np.array_split(sigma_mm * left, RUNS)
     return Fillet(
         *sizes,
-        own * max(_rms(left), 1.0) ** 2,
+        own * max(robust_sd(left), 1.0) ** 2,
         float(np.quantile(np.abs(on_arc), 0.9)) / NINE_TENTHS,
         np.array([run.mean() for run in runs]) if left.size >= RUNS else np.full(RUNS, math.nan),
         own * left.size / ((RUNS - unknown) * sigma_mm**2),
     )
-
-
-def _rms(left: Float) -> float:
-    return TO_SD * float(np.median(np.abs(left)))

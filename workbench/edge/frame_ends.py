@@ -12,10 +12,12 @@ import numpy as np
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, Cloud
 from workbench.edge.directions import near_slope, wrapped
 from workbench.edge.faces import TrackedFaces
+from workbench.geometry.along import by_pass
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.course import fit_course
 from workbench.geometry.curves import Curve
 from workbench.geometry.grids import columns_to_next
+from workbench.geometry.poses import in_planes
 from workbench.geometry.sections import SectionLines, crossing, in_section, section_lines
 from workbench.units import Bool, Float, Int, Shaped
 
@@ -58,9 +60,8 @@ def root_ends(
     Where the lower surface is seen, the end is the corner with it, and the step 0.
     """
     tilt, beta = corner.tilt, corner.beta
-    pose = cloud.base_from_profiler[:, :3]
     end = tracked.root_end
-    point = pose[:, :, 3] + end[:, :1] * pose[:, :, 0] + end[:, 1:2] * pose[:, :, 2]
+    point = in_planes(cloud.base_from_profiler, end[:, 0], end[:, 1])
     place = np.full((len(end), 2), np.nan)
     seen = np.isfinite(root.s) & np.isfinite(end[:, 0])
     _, place[seen] = in_section(point[seen], curve, root.s[seen])
@@ -115,9 +116,9 @@ def missing_share(face: FaceLines, mixed: Bool, pass_index: Int) -> Float:
     which may have taken the place of the face's last return as well as of the first one behind it.
     """
     share = np.full(face.count.shape, np.nan)
-    for p in np.unique(pass_index):
-        mine = (pass_index == p) & (face.count > 2)
+    for of_pass in by_pass(pass_index):
+        mine = of_pass[face.count[of_pass] > 2]
         inner = (face.columns[mine, 1] - face.columns[mine, 0] - 1).sum()
         if inner > 0:
-            share[pass_index == p] = 1.0 - (face.count[mine] - 2).sum() / inner
+            share[of_pass] = 1.0 - (face.count[mine] - 2).sum() / inner
     return np.where(mixed, MIXED, np.clip(share, 0.02, 0.6))

@@ -11,7 +11,9 @@ import math
 import numpy as np
 
 from workbench.artefacts import Cloud
-from workbench.units import TO_SD, Float, Int
+from workbench.geometry.along import by_pass
+from workbench.geometry.medians import robust_sd
+from workbench.units import Float, Int
 
 
 def scatter(left: Float, variance: Float) -> float:
@@ -19,7 +21,7 @@ def scatter(left: Float, variance: Float) -> float:
     good = np.isfinite(left) & np.isfinite(variance)
     if not good.any():
         return 0.0
-    found = TO_SD * float(np.median(np.abs(left[good])))
+    found = robust_sd(left[good])
     return math.sqrt(max(found**2 - float(np.median(variance[good])), 0.0))
 
 
@@ -38,8 +40,7 @@ def flips(cloud: Cloud) -> Float:
     """1 for each frame whose x runs as that of the first frame does, else -1."""
     ex, ez = cloud.base_from_profiler[:, :3, 0], cloud.base_from_profiler[:, :3, 2]
     out = np.ones(len(ex))
-    for p in np.unique(cloud.pass_index):
-        mine = cloud.pass_index == p
+    for mine in by_pass(cloud.pass_index):
         # The normal of the laser plane, x from left to right and z both as in the first frame, keeps its sense.
         same = float((np.cross(ez[mine], ex[mine]) @ np.cross(ez[0], ex[0])).mean())
         out[mine] = 1.0 if same >= 0 else -1.0

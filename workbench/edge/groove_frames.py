@@ -20,6 +20,8 @@ from workbench.edge.groove_profile import (
 )
 from workbench.edge.measure import UNDETERMINED, check_advance, edge_direction
 from workbench.errors import InputError
+from workbench.geometry.along import by_pass
+from workbench.geometry.blocks import evenly
 from workbench.geometry.curves import Curve, along_motion, fit_curve
 from workbench.geometry.poses import inverse
 from workbench.units import TO_SD, Bool, Float, Int, Shaped
@@ -140,7 +142,7 @@ def two_plates_share(cloud: Cloud) -> float:
     shows = every * np.flatnonzero(cloud.keep[::every].sum(axis=1) >= LEAST_RETURNS)
     if not shows.size:
         return 0.0
-    some = cloud.of_frames(shows[np.unique(np.linspace(0, shows.size - 1, FEW).astype(int))])
+    some = cloud.of_frames(shows[evenly(shows.size, FEW)])
     _, profiles, _ = _profiles(some)
     thin = [(x[:: 1 + x.size // COLUMNS], z[:: 1 + z.size // COLUMNS]) for x, z, _ in profiles]
     up = upwards([x for x, _ in thin[::3]], [z for _, z in thin[::3]])
@@ -168,8 +170,7 @@ def _profiles(cloud: Cloud) -> tuple[list[int], list[tuple[Float, Float, Int]], 
 def _steady(corners: Float, group: Int) -> Bool:
     """Profiles (n,) whose corners (n, 4) lie where those of their neighbours do: lost returns make false ends."""
     out = np.ones(len(corners), bool)
-    for p in np.unique(group):
-        mine = np.flatnonzero(group == p)
+    for mine in by_pass(group):
         for _ in range(2):
             near = mine[out[mine]]
             off = np.abs(corners[near] - scipy.ndimage.median_filter(corners[near], (NEIGHBOURS, 1), mode="nearest"))

@@ -18,6 +18,7 @@ from workbench.edge.joint_lines import LEAST_FRAMES, Along, JointLines, Place, V
 from workbench.edge.residual_image import Linearity, forms
 from workbench.edge.root_end import RootView, beyond
 from workbench.edge.steps import LEAST_SHARE, own_places, readings
+from workbench.geometry.along import in_order
 from workbench.geometry.course import fit_course
 from workbench.geometry.silhouette import Ends, find_end
 from workbench.units import DEG, Bool, Float
@@ -479,7 +480,7 @@ class GrooveSizes:
         good = self._together(low, np.isfinite(low + step + self.s), typical(step), typical(step))
         if good.sum() < LEAST_FRAMES:
             return np.full(self.at.size, np.nan), np.full(self.at.size, np.nan)
-        order = np.flatnonzero(good)[np.argsort(self.s[good], kind="stable")]
+        order = in_order(np.where(good, self.s, np.nan))
         s, low, step, one = self.s[order], low[order], step[order], np.ones(order.size)
         known = lost[order][np.isfinite(lost[order])]
         share = min(max(float(known.mean()) if known.size else 0.0, LEAST_LOST), MOST_LOST)

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.geometry.chains import COUNT, LAST, OFFSET, SLOPE, X0, X1
+from workbench.geometry.end_face import BELOW_COLUMNS, TABLE_MM
 from workbench.geometry.medians import median
 from workbench.units import DEG, Bool, Float
 
@@ -25,9 +26,8 @@ WIDTH_SIGMA = 0.6  # of the logarithm of root width over nominal
 WORST_SCORE = 5.5
 CONTEXT = 3.0  # what a further corner of the right (wrong) angle gains (costs)
 GHOST_MM, SAME_MM, SAME_ANGLE = 1.0, 0.1, 4.0 * DEG  # a face goes on beyond returns that lie so far beside it
-# Of what a plate lies on: angle to the upper surface, width in view, what the view may show beyond it, and columns of
-# the root face that noise puts below it.
-TABLE_ANGLE, TABLE_MM, TABLE_END_MM, BELOW_COLUMNS = 3.0 * DEG, 5.0, 1.0, 2.0
+# Of what a plate lies on: angle to the upper surface, and what the view may show beyond it.
+TABLE_ANGLE, TABLE_END_MM = 3.0 * DEG, 1.0
 SURFACE_MM = 1.0  # of an upper or lower surface, in view
 CUT_OFF = 4.0  # what it costs that the field of view cuts the root face off: its width then says nothing
 

@@ -15,10 +15,11 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from workbench.artefacts import DIRECTIONS, FORM, TANGENT, Corner, Quantity, Term, kind_of
-from workbench.edge.directions import between, wrapped
+from workbench.edge.directions import wrapped
 from workbench.edge.frame_order import scatter
 from workbench.edge.residual_image import FaceForm
 from workbench.errors import InputError
+from workbench.geometry.along import between
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import covered
 from workbench.geometry.processes import ROUGH

@@ -42,7 +42,7 @@ def lower_fillet(cloud: Cloud, tracked: TrackedFaces) -> LowerFillet | None:
     if here.size < LEAST_FRAMES:
         return None
     here = here[evenly(here.size, SAMPLE_FRAMES)]
-    slope = {one: face.sxz[here] / face.sxx[here] for one, face in enumerate((root, lower, bevel))}
+    slope = {one: face.slope[here] for one, face in enumerate((root, lower, bevel))}
     side = tracked.side[here]
     sense = np.sign(side * (slope[0] - slope[2]))  # +1: z counts away from the sensor
     x = np.where(cloud.keep[here], cloud.x_mm[here].astype(np.float64), np.nan)

@@ -14,13 +14,16 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.edge.broken_end import BrokenEnd, weights, whole_end
-from workbench.edge.directions import between, near_slope, width_mm, wrapped
+from workbench.edge.directions import near_slope, wrapped
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.frame_ends import FaceCorner, RootEnds, root_ends
+from workbench.edge.raw_direction import LEAST_FRAMES, LEAST_LENGTH_MM
 from workbench.edge.steps import Readings, own_directions, readings
 from workbench.errors import InputError
+from workbench.geometry.along import between, by_pass, in_order
 from workbench.geometry.course import BIN_MM, LEAST_BINS, Course, fit_course
 from workbench.geometry.curves import Curve, along_motion, fit_curve
+from workbench.geometry.poses import in_planes
 from workbench.geometry.processes import ROUGH
 from workbench.geometry.sections import SectionLines, crossing, on_line, section_lines
 from workbench.geometry.silhouette import EndCourse, Ends, find_end, settled
@@ -30,7 +33,6 @@ UNDETERMINED = (
     "its frames do not determine one smooth edge: do passes overlap, are poses and hand-eye right, is a face only a "
     "few columns wide?"
 )
-LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0
 LEAST_CLEAN = 1.0 / 3.0  # of the frames, whose root face ends as a face does: with burrs 0.7 and more do
 FAR_MM, FAR_TIMES = 5.0, 5.0  # of the root face: frames that say more have lost the faces
 LEAST_SIGMA_MM = 1e-3
@@ -141,22 +143,17 @@ def _few(s: Float, pass_index: Int) -> slice:
 def _corners(cloud: Cloud, tracked: TrackedFaces) -> tuple[Float, Float]:
     """Corner of root face and bevel face in the base (N, 3), frame by frame; direction t of the edge there (N, 3)."""
     root, bevel = tracked.faces[ROOT_FACE], tracked.faces[BEVEL_FACE]
-    kr, kb = root.sxz / root.sxx, bevel.sxz / bevel.sxx
-    cr, cb = root.z_mean - kr * root.x_mean, bevel.z_mean - kb * bevel.x_mean
-    x = (cb - cr) / (kr - kb)
-    ex, ez = cloud.base_from_profiler[:, :3, 0], cloud.base_from_profiler[:, :3, 2]
-    corners = cloud.base_from_profiler[:, :3, 3] + x[:, None] * ex + (kr * x + cr)[:, None] * ez
-    up_root = -tracked.side[:, None] * (ex + kr[:, None] * ez)
-    up_bevel = -tracked.side[:, None] * (ex + kb[:, None] * ez)
-    across = np.cross(up_bevel, up_root)  # t = m x n, if the laser plane stood square to the edge
+    x = root.crossing(bevel)
+    corners = in_planes(cloud.base_from_profiler, x, root.z(x))
+    # t = m x n, if the laser plane stood square to the edge
+    across = (bevel.slope - root.slope)[:, None] * cloud.base_from_profiler[:, :3, 1]
     return corners, edge_direction(corners, across, cloud)
 
 
 def edge_direction(points: Float, across: Float, cloud: Cloud) -> Float:
     """Unit direction t (N, 3) of the edge at each frame: of the points' (N, 3) motion, in the sense of `across`."""
     out = np.full(points.shape, np.nan)
-    for p in np.unique(cloud.pass_index):
-        mine = np.flatnonzero((cloud.pass_index == p) & np.isfinite(points).all(axis=1))
+    for mine in by_pass(cloud.pass_index, np.isfinite(points.sum(axis=1))):
         if mine.size < 2:
             continue
         reach = max(1, min(10, mine.size // 4))
@@ -239,7 +236,7 @@ def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, tur
     bevel_course = fit_course(bevel.s[of], bevel_angle[of], bevel.angle_variance[of], group, shared=ROUGH)
     root_angle = np.where(tracked.end_is_burred[of], np.nan, root_angle[of])  # a burr's low foot turns its line
     if few is None:
-        variance = variance / own_directions(s_root, root_angle, variance, width_mm(tracked.faces[ROOT_FACE]))
+        variance = variance / own_directions(s_root, root_angle, variance, tracked.faces[ROOT_FACE].width_mm)
     root_course = fit_course(s_root, root_angle, variance, group, shared=ROUGH)
     opening_course = fit_course(s_root, root_angle - bevel_course.value(s_root), variance, group, shared=ROUGH)
     follows = 1.0 / (1.0 + math.exp(np.clip(root_course.log_evidence - opening_course.log_evidence, -50.0, 50.0)))
@@ -387,8 +384,7 @@ def _as_ends(
     shown = size.frame_factor * (ends.sigma**2 + column) - column
     sigma = np.sqrt(np.maximum(np.maximum(ends.sigma**2 * excess, shown), LEAST_SIGMA_MM**2))
     freed = settled(upper_s, ends.low, ends.step, sigma, tracked.end_column, cloud.pass_index)
-    on = np.flatnonzero(np.isfinite(upper_s) & np.isfinite(freed.low) & np.isfinite(freed.sigma))
-    on = on[np.argsort(upper_s[on], kind="stable")]
+    on = in_order(upper_s, freed.low, freed.sigma)
     return Ends(
         upper_s[on],
         freed.low[on],

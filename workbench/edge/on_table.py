@@ -10,12 +10,14 @@ from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, Cloud
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.raw_faces import RawFaces
 from workbench.geometry import end_face
+from workbench.geometry.along import running_median
 from workbench.geometry.blocks import as_input
+from workbench.geometry.tracking import FINAL_SIGMAS
 from workbench.kernels import kernel
 from workbench.units import Bool, Float, Float32
 
 NEAR_MM = 5.0  # of a station, to each side, whose frames have a say
-GATE_SIGMAS, GATE_MM = 4.5, 0.01  # of the range noise: returns that lie deeper are not on the root face
+GATE_MM = 0.01  # beyond the gate of the range noise: returns that lie deeper are not on the root face
 BEHIND = 1.0 / 3.0  # share of a gap's columns that return from behind the face: noise hides those next to the crossing
 
 
@@ -30,18 +32,17 @@ def under_u_mm(cloud: Cloud, tracked: TrackedFaces, s_frames: Float, at: Float) 
     on = np.flatnonzero(tracked.lies_on & np.isfinite(s_frames) & (table.count > 2))
     if not on.size:
         return np.zeros(at.size)
-    on = on[np.argsort(s_frames[on], kind="stable")]
-    slope, table_slope = (face.sxz[on] / face.sxx[on] for face in (root, table))
-    offset = root.z_mean[on] - slope * root.x_mean[on]
-    crossing = (table.z_mean[on] - table_slope * table.x_mean[on] - offset) / (slope - table_slope)
+    slope, offset = root.slope[on], root.z(np.zeros(root.count.size))[on]
     bevel = tracked.faces[BEVEL_FACE]
-    away = np.sign(tracked.side[on] * (slope - bevel.sxz[on] / bevel.sxx[on]))  # +1: z counts away from the sensor
-    gate = GATE_SIGMAS * tracked.range_sigma_mm[on, 2] + GATE_MM
-    known = np.stack([root.x_mean[on], crossing, slope, offset, away, gate, tracked.root_end[on, 2]], axis=1)
+    away = np.sign(tracked.side[on] * (slope - bevel.slope[on]))  # +1: z counts away from the sensor
+    gate = FINAL_SIGMAS * tracked.range_sigma_mm[on, 2] + GATE_MM
+    known = np.stack(
+        [root.x_mean[on], root.crossing(table)[on], slope, offset, away, gate, tracked.root_end[on, 2]], axis=1
+    )
     gap = np.empty(on.size)
     x, z, keep = (as_input(v[on]) for v in (cloud.x_mm, cloud.z_mm, cloud.keep))
     _gaps(x, z, keep, as_input(known), gap)
-    return gap_u_mm(gap, s_frames[on], at, math.hypot(0.5 * float(np.median(tracked.root_end[on, 2])), np.median(gate)))
+    return gap_u_mm(gap, s_frames[on], at, math.hypot(0.5 * float(np.median(known[:, -1])), np.median(gate)))
 
 
 def raw_under_u_mm(found: RawFaces, s_frames: Float, at: Float) -> Float:
@@ -50,24 +51,19 @@ def raw_under_u_mm(found: RawFaces, s_frames: Float, at: Float) -> Float:
     on = np.flatnonzero(np.isfinite(gap) & np.isfinite(s_frames))
     if not on.size:
         return np.zeros(at.size)
-    on = on[np.argsort(s_frames[on], kind="stable")]
     face = found.whole
-    lean = np.hypot(1.0, face.sxz[on] / face.sxx[on])
-    step = float(np.median(np.sqrt(12.0 * face.sxx[on] / face.count[on]) * lean / face.count[on]))
-    rss = np.maximum(face.szz - face.sxz**2 / face.sxx, 0.0)[on]
-    gate = max(end_face.FINAL_SIGMAS * float(np.median(np.sqrt(rss / face.count[on]))), end_face.FINAL_LEAST_MM)
+    step = float(np.median(face.widths_mm[on] / face.count[on]))
+    gate = max(FINAL_SIGMAS * float(np.median(np.sqrt(face.rss[on] / face.count[on]))), end_face.FINAL_LEAST_MM)
     return gap_u_mm(gap[on], s_frames[on], at, math.hypot(0.5 * step, gate))
 
 
 def gap_u_mm(gap_mm: Float, s_frames: Float, at: Float, hidden_mm: float) -> Float:
-    """Standard uncertainty (m,) at arc lengths `at`, by the gaps (f,) of frames at rising s_frames (f,); mm.
+    """Standard uncertainty (m,) at arc lengths `at`, by the gaps (f,) of frames at s_frames (f,); mm.
 
     hidden_mm: what frames do not show. The edge lies between where the face ends and where it crosses what is below.
     """
-    near = [slice(*np.searchsorted(s_frames, [s - NEAR_MM, s + NEAR_MM])) for s in at]
-    told = np.array([np.median(gap_mm[one]) if gap_mm[one].size else np.nan for one in near])
-    known = np.isfinite(told)
-    return np.asarray(np.hypot(np.interp(at, at[known], told[known]), hidden_mm) / math.sqrt(3.0))
+    told = running_median(s_frames, gap_mm, at, NEAR_MM)
+    return np.asarray(np.hypot(told, hidden_mm) / math.sqrt(3.0))
 
 
 @kernel

@@ -20,6 +20,7 @@ def _with_length(direction: Vector) -> Vector:
 
 Direction: TypeAlias = Annotated[Vector, AfterValidator(_with_length)]
 
+STATION_MM = 1.0  # between places along an edge at which it is told
 USUAL_NOISE_MM = 0.07  # of an arm of this size, each axis: the paper, Table 1; where nothing is declared
 
 RobotNoise: TypeAlias = Annotated[

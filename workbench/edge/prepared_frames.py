@@ -32,7 +32,8 @@ from workbench.geometry.chains import (
     labelled_lines,
     straight_faces,
 )
-from workbench.units import TO_SD, Bool, Float, Int, Shaped
+from workbench.geometry.medians import robust_sd
+from workbench.units import Bool, Float, Int, Shaped
 
 FILLETED: tuple[PreparationType, ...] = ("nose", "J")
 FEW_FRAMES = 40  # evenly, by which a nose is told from a J
@@ -157,7 +158,7 @@ def _foot_radius_mm(cloud: Cloud, noses: list[Reading | None]) -> float:
         place = np.stack([x[on] - top, z[on] - upper[SLOPE] * top - upper[OFFSET]], axis=1) @ axes.T
         fall = abs(math.atan(flank[SLOPE]) - math.atan(upper[SLOPE]))
         above = np.arange(int(flank[FIRST]), int(flank[LAST]) + 1)
-        noise = TO_SD * float(np.median(np.abs(z[above] - flank[SLOPE] * x[above] - flank[OFFSET])))
+        noise = robust_sd(z[above] - flank[SLOPE] * x[above] - flank[OFFSET])
         fit = fit_on_land(place, fall, max(noise * math.cos(math.atan(flank[SLOPE])), MIN_SIGMA_MM), None)
         found.append(0.0 if fit is None else fit.radius_mm)
     return float(np.median(found)) if found else 0.0
@@ -362,5 +363,4 @@ def _ends(one: Reading, k: int) -> tuple[float, float]:
 
 def _whole(flank: FaceLines, seen: Bool) -> Bool:
     """Frames (N,) that show as much of a flank as most do: where returns are lost, its line leans on the fillet."""
-    width = np.sqrt(12.0 * flank.sxx / flank.count)
-    return np.asarray(width > WHOLE * np.median(width[seen])) if seen.any() else seen
+    return np.asarray(flank.widths_mm > WHOLE * np.median(flank.widths_mm[seen])) if seen.any() else seen

@@ -14,11 +14,13 @@ import numpy as np
 
 from workbench.artefacts import Cloud
 from workbench.errors import InputError
+from workbench.geometry.along import by_pass, running_median
 from workbench.geometry.blocks import as_input, evenly, in_order
 from workbench.geometry.end_face import best_direction
 from workbench.units import DEG, Float, Int, Shaped
 
 WHERE = "edge.segment_raw.upper_side"
+LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0  # of an edge
 KEY_FRAMES = 60  # a pass
 TRAVEL_FRAMES = 400  # that say where the scan goes
 SEARCH = np.arange(-33.0, 34.0, 3.0) * DEG  # of the face's direction about `upper_side`
@@ -33,7 +35,6 @@ BY_LOWER_END = (
     "that z counts {} the sensor is told only by what joins the lower end of the end face: it is the plate's lower "
     "surface, unless the plate lies on a table and its upper surface gives no returns; if so, give z_away"
 )
-LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0
 
 
 class Directions(NamedTuple):
@@ -55,16 +56,15 @@ def face_directions(cloud: Cloud, upper_side: Sequence[float], z_away: bool | No
     size = np.linalg.norm(flat, axis=1, keepdims=True)
     flat = np.where(size > np.sin(LEAST_ACROSS), flat / size, np.nan)
     turn, votes, read = np.full(len(flat), np.nan), np.zeros((2, 2)), 0
-    for p in np.unique(cloud.pass_index):
-        mine = np.flatnonzero((cloud.pass_index == p) & np.isfinite(flat[:, 0]))
-        if mine.size:
-            keys = mine[evenly(mine.size, KEY_FRAMES)]
-            readings = _read_keys(cloud, keys, flat[keys])
-            found = readings[:, 1] > 0
-            votes += [_votes(readings[found, 2:4]), _votes(readings[found, 4:6])]
-            read += int(found.sum())
-            if found.any():
-                turn[mine] = np.interp(mine, keys[found], _running_median(readings[found, 0]))
+    for mine in by_pass(cloud.pass_index, np.isfinite(flat[:, 0])):
+        keys = mine[evenly(mine.size, KEY_FRAMES)]
+        readings = _read_keys(cloud, keys, flat[keys])
+        found = readings[:, 1] > 0
+        votes += [_votes(readings[found, 2:4]), _votes(readings[found, 4:6])]
+        read += int(found.sum())
+        if found.any():
+            number = np.arange(float(found.sum()))
+            turn[mine] = np.interp(mine, keys[found], running_median(number, readings[found, 0], number, NEIGHBOURS))
     if not np.isfinite(turn).any():
         raise InputError(
             cloud.source,
@@ -121,8 +121,7 @@ def _travelled(cloud: Cloud) -> Float:
         pose = cloud.base_from_profiler[i]
         centre[i] = pose[:3, 3] + x * pose[:3, 0] + z * pose[:3, 2]
     best = np.zeros(3)
-    for p in np.unique(cloud.pass_index):
-        seen = np.flatnonzero((cloud.pass_index == p) & np.isfinite(centre[:, 0]))
+    for seen in by_pass(cloud.pass_index, np.isfinite(centre[:, 0])):
         if seen.size >= 2:
             off = centre[seen] - np.median(centre[seen], axis=0)
             axis = np.linalg.svd(off, full_matrices=False)[2][0]
@@ -142,11 +141,6 @@ def _read_keys(cloud: Cloud, keys: Int, flat: Float) -> Float:
     for _ in in_order(read, keys.size, 1):
         pass
     return out
-
-
-def _running_median(values: Float) -> Float:
-    reach = [slice(max(0, i - NEIGHBOURS), i + NEIGHBOURS + 1) for i in range(values.size)]
-    return np.array([np.median(values[near]) for near in reach])
 
 
 def _votes(beside: Float) -> Float:

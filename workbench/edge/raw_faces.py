@@ -10,8 +10,10 @@ from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.edge.faces import face_lines
 from workbench.errors import InputError
 from workbench.geometry import end_face, tracking
+from workbench.geometry.along import by_pass
 from workbench.geometry.blocks import as_input, as_rows, over_blocks
 from workbench.geometry.chains import FaceLines
+from workbench.geometry.poses import in_planes
 from workbench.units import AnyArray, Bool, Float, Int, Shaped
 
 LABELS = np.array([ROOT_FACE, UPPER_SURFACE, LOWER_SURFACE])  # in the order of geometry.end_face
@@ -115,13 +117,13 @@ def _gather(sums: Float, ends: Float, seen: Bool, side: Float, sense: float, lab
 def middle_of(cloud: Cloud, face: FaceLines) -> Float:
     """A face's centroid in the base (N, 3), mm; NaN where it is not seen."""
     pose = cloud.base_from_profiler
-    return np.asarray(pose[:, :3, 3] + face.x_mean[:, None] * pose[:, :3, 0] + face.z_mean[:, None] * pose[:, :3, 2])
+    return in_planes(pose, face.x_mean, face.z_mean)
 
 
 def outward_of(cloud: Cloud, found: RawFaces) -> Float:
     """The direction (N, 3) in each laser plane square to the end face, out of the plate; NaN where it is not seen."""
     face = found.faces[ROOT_FACE]
-    slope = (face.sxz / face.sxx)[:, None]
+    slope = face.slope[:, None]
     x, z = cloud.base_from_profiler[:, :3, 0], cloud.base_from_profiler[:, :3, 2]
     return np.asarray(found.sense * (slope * x - z) / np.hypot(1.0, slope))
 
@@ -166,8 +168,7 @@ def not_in_front(middle: Float, outward: Float, seen: Bool, pass_index: Int) -> 
     pass fall into stretches without a jump; each stretch is compared with where the one before it would go on.
     """
     out = seen.copy()
-    for p in np.unique(pass_index):
-        mine = np.flatnonzero((pass_index == p) & seen)
+    for mine in by_pass(pass_index, seen):
         if mine.size < LEAST_FRAMES:
             continue
         height, way = _along(middle[mine], outward[mine])
@@ -190,8 +191,7 @@ def _along(middle: Float, outward: Float) -> tuple[Float, Float]:
     size = np.linalg.norm(step, axis=1)
     part = np.concatenate([[0], np.cumsum(size > JUMP * float(np.median(size)) + STEP_MM)])
     normal, travel = np.empty_like(middle), np.empty_like(middle)
-    for k in np.unique(part):  # directions are those of a stretch without a jump
-        mine = np.flatnonzero(part == k)
+    for mine in by_pass(part):  # directions are those of a stretch without a jump
         at = np.arange(mine.size)
         ahead, behind = np.minimum(at + NEAR_FRAMES, mine.size - 1), np.maximum(at - NEAR_FRAMES, 0)
         total = np.cumsum(np.vstack([np.zeros((1, 3)), outward[mine]]), axis=0)

@@ -16,39 +16,39 @@ import numpy as np
 
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.edge.broken_end import BrokenEnd, FaceRim, broken_end, weights, whole_end
-from workbench.edge.directions import LOCAL_MM, TOGETHER_MM, between, go_together, near_slope, wrapped
+from workbench.edge.directions import LOCAL_MM, TOGETHER_MM, go_together, near_slope, wrapped
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.frame_ends import missing_share
 from workbench.edge.measure import check_advance, edge_direction
-from workbench.edge.raw_faces import FaceEnds, RawFaces, middle_of, outward_of
+from workbench.edge.raw_faces import GAP_MM, FaceEnds, RawFaces, middle_of, outward_of
 from workbench.edge.raw_local import local_mean
 from workbench.edge.steps import own_places, readings
 from workbench.errors import InputError
+from workbench.geometry.along import between, by_pass, in_order, running_median
 from workbench.geometry.blocks import evenly
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.course import Course, fit_course, processes_told
 from workbench.geometry.curves import Curve, along_motion, curve_through, fit_curve
 from workbench.geometry.end_face import MARGIN_MM
 from workbench.geometry.grids import columns_to_next
+from workbench.geometry.moves import within
+from workbench.geometry.poses import in_planes
 from workbench.geometry.processes import Process, Shared
 from workbench.geometry.sections import SectionLines, in_section, section_lines
 from workbench.geometry.silhouette import Ends, find_end, reached_mm, settled
 from workbench.geometry.splines import Spline, through
-from workbench.units import TO_SD, Bool, Float, Int, Shaped
+from workbench.units import THIRD, TO_SD, Bool, Float, Int, Shaped
 
 ROUGH_SLOPE = 2.0  # slope of a rough face over its height, 1/mm: waves of some mm
 # Roughness within frames from which a face is its local plane: beyond texture, which bins average, and over the range
 # noise by more than its estimate errs.
 ROUGH_MM, ROUGH_SHARE = 0.02, 0.25
 SHARED_MM = 0.003  # from here on it is, where directions of frames go together (`go_together`)
-LEAST_GAP_MM = 4.0  # of a hidden stretch
 # Of the mean square of a quarter of the frames over that of half of them: six rough faces covered by drops of coolant
 # have up to 0.25, 15 that are rough all along 0.46 and more.
 PATCHES = 0.36
 FEW_FRAMES = 20  # within 20 mm: the scatter of fewer differs by as much by chance
 UNEVEN = 2.0  # times the usual scatter: of frames within 20 mm, which share their errors over 4, chance makes up to 1.7
-STATION_MM = 1.0
-LEAST_MEDIAN = 3  # frames
 COVERS, CELL_MM = 0.9, 5.0  # share of the edge that corners must show, by stretches, for silhouettes to be left aside
 SAMPLE_FRAMES = 60
 # Errors of a robot's recorded positions, all alike likely before the frames are looked at: as robots have them.
@@ -296,8 +296,7 @@ def _squared(tilt: Course, stand_out: Course, face: SectionLines) -> Course:
 def _width(found: RawFaces) -> tuple[Float, Float]:
     """How wide each frame (N,) shows the end face, mm, and the variance of that by columns."""
     face = found.whole
-    width = np.hypot(1.0, face.sxz / face.sxx) * np.sqrt(12.0 * face.sxx / face.count)
-    return width, (width / face.count) ** 2 / 6.0
+    return face.widths_mm, (face.widths_mm / face.count) ** 2 / 6.0
 
 
 def _whole(found: RawFaces) -> Bool:
@@ -315,8 +314,7 @@ def _reaching(tilt: Course, found: RawFaces, sigma: float, turned: float, lower:
     """
     face = found.whole
     on = face.count > 0
-    lean = np.hypot(1.0, face.sxz[on] / face.sxx[on])
-    width = float(np.median(np.sqrt(12.0 * face.sxx[on] / face.count[on]) * lean))
+    width = float(np.median(face.widths_mm[on]))
     strip = np.full(tilt.at_mm.size, float(np.median(width / face.count[on])))
     for end in (lower, upper):
         strip = np.hypot(strip, between(end.s, end.reached_mm, tilt.at_mm))
@@ -392,7 +390,7 @@ def _side(
     curve, s_guess, tilt, bend = sections
     here = np.isfinite(ends.point[:, 0]) & np.isfinite(s_guess)
     pose = cloud.base_from_profiler[here, :3]
-    point = pose[:, :, 3] + ends.point[here, :1] * pose[:, :, 0] + ends.point[here, 1:] * pose[:, :, 2]
+    point = in_planes(cloud.base_from_profiler[here], *ends.point[here].T)
     s, place = in_section(point, curve, s_guess[here])
     _, a, b = curve.frame(s)
     angle = tilt.value(s)
@@ -403,8 +401,7 @@ def _side(
     step = beyond * ends.pitch[here] * np.abs(((pose[:, :, 0] + slope * pose[:, :, 2]) * m).sum(axis=1))
     ray_m, ray_n = np.abs((pose[:, :, 2] * m).sum(axis=1)), np.abs((pose[:, :, 2] * n).sum(axis=1))
     face = found.faces[ROOT_FACE]
-    rss = np.maximum(face.szz - face.sxz**2 / face.sxx, 0.0)[here]
-    rough = np.sqrt(rss / face.count[here]) * ray_n  # height of the face's own roughness and noise
+    rough = np.sqrt(face.rss[here] / face.count[here]) * ray_n  # height of the face's own roughness and noise
     # On a face that leans by its roughness the next column is that much nearer or farther.
     blur = np.hypot(range_sigma_mm * ray_m, step * ROUGH_SLOPE * rough * ray_m / ray_n / 4.0)
     where, low, steps, noise, missing = np.full((5, here.size), np.nan)
@@ -419,29 +416,9 @@ def _side(
         raise InputError(
             cloud.source, "no frame shows where the end face ends: is upper_side right, are axes mirrored?"
         )
-    where[_distance(where, np.isfinite(low)) > LEAST_GAP_MM] = np.nan
+    where[~within(np.nan_to_num(where), where[np.isfinite(where + low)], GAP_MM)] = np.nan
     low[~np.isfinite(where)] = np.nan
     return _Side(ends, outward, where, low, steps, np.hypot(noise, vibration), missing, used, by_corners)
-
-
-def _distance(s: Float, known: Bool) -> Float:
-    """How far each place (N,) is from the nearest of those that are `known` (N,)."""
-    there = np.sort(s[known & np.isfinite(s)])
-    after = np.searchsorted(there, s).clip(1, max(there.size - 1, 1))
-    return np.asarray(np.minimum(np.abs(s - there[after - 1]), np.abs(s - there[np.minimum(after, there.size - 1)])))
-
-
-def running_median(s: Float, value: Float, at: Float, reach_mm: float) -> Float:
-    """Median of values (N,) at s (N,) within reach of stations (m,); between them where there are none."""
-    on = np.flatnonzero(np.isfinite(s) & np.isfinite(value))
-    on = on[np.argsort(s[on], kind="stable")]
-    first = np.searchsorted(s[on], at - reach_mm)
-    last = np.searchsorted(s[on], at + reach_mm, side="right")
-    some = np.flatnonzero(last - first >= min(LEAST_MEDIAN, on.size))
-    if not some.size:  # so few frames so far apart: each stands for itself
-        return np.interp(at, s[on], value[on])
-    middle = [float(np.median(value[on[first[k] : last[k]]])) for k in some]
-    return np.interp(at, at[some], middle)
 
 
 def _bend(curve: Curve, tilt: Course, turn: float) -> Spline:
@@ -476,8 +453,7 @@ def _found_end(
         return course, np.zeros(side.s.size)
     column = np.where(side.silhouette, side.ends.column, 0).astype(np.int64)
     freed = settled(side.s, side.low, side.step, side.sigma, column, pass_index)
-    on = np.flatnonzero(course.kept & np.isfinite(freed.low) & np.isfinite(freed.sigma))
-    on = on[np.argsort(side.s[on], kind="stable")]
+    on = in_order(np.where(course.kept, side.s, np.nan), freed.low, freed.sigma)
     known = Ends(
         side.s[on],
         freed.low[on],
@@ -525,10 +501,9 @@ def _end_along(
 def _broken(cloud: Cloud, found: RawFaces, side: _Side, condition: EdgeCondition) -> BrokenEnd:
     """What the last returns of silhouettes hide of the edge; a pass's frames with burrs are as its others."""
     face, ends = found.faces[ROOT_FACE], side.ends
-    lean = np.hypot(1.0, face.sxz / face.sxx)
     here = side.silhouette & ~ends.alone & ~ends.burred
     sense = np.full(here.size, found.sense)
-    rim = FaceRim(face, -side.outward * found.side, ends.point[:, 0], ends.pitch * lean, sense, on_line=False)
+    rim = FaceRim(face, -side.outward * found.side, ends.point[:, 0], ends.pitch * face.lean, sense, on_line=False)
     broken = broken_end(cloud, rim, here, condition)
     likewise = {name: getattr(broken, name).copy() for name in ("beyond_mm", "u_mm", "hidden_u_mm")}
     for p in np.unique(cloud.pass_index[here]):
@@ -562,7 +537,7 @@ def _alone(s: Float, corner: Bool, silhouette: Bool) -> Bool:
 def _upwards(cloud: Cloud, found: RawFaces) -> Float:
     """Direction (N, 3) of the end face in each laser plane, from the lower to the upper side; NaN where not seen."""
     face = found.faces[ROOT_FACE]
-    slope = (face.sxz / face.sxx)[:, None]
+    slope = face.slope[:, None]
     ex, ez = cloud.base_from_profiler[:, :3, 0], cloud.base_from_profiler[:, :3, 2]
     return np.asarray(-found.side[:, None] * (ex + slope * ez) / np.hypot(1.0, slope))
 
@@ -570,10 +545,10 @@ def _upwards(cloud: Cloud, found: RawFaces) -> Float:
 def _vibration(cloud: Cloud, stand_out: Float) -> Float:
     """Standard deviation of what shifts each frame by itself (N,), pass by pass, from how the end face jumps; mm."""
     out = np.full(stand_out.shape, np.nan)
-    for p in np.unique(cloud.pass_index):
-        mine = np.flatnonzero((cloud.pass_index == p) & np.isfinite(stand_out))
-        second = np.abs(np.diff(stand_out[mine], 2)) if mine.size > 2 else np.zeros(1)
-        out[cloud.pass_index == p] = float(np.median(second)) * TO_SD / math.sqrt(6.0)
+    for mine in by_pass(cloud.pass_index):
+        known = stand_out[mine][np.isfinite(stand_out[mine])]
+        second = np.abs(np.diff(known, 2)) if known.size > 2 else np.zeros(1)
+        out[mine] = float(np.median(second)) * TO_SD / math.sqrt(6.0)
     return out
 
 
@@ -583,9 +558,8 @@ def _roughness(found: RawFaces, sigma: float) -> float:
     on = face.count > 5
     if not on.any():
         return 0.0
-    rss = np.maximum(face.szz - face.sxz**2 / face.sxx, 0.0)[on] / (face.count[on] - 2)
-    lean = float(np.median(np.hypot(1.0, face.sxz[on] / face.sxx[on])))
-    return math.sqrt(max(float(np.median(rss)) - sigma**2, 0.0)) / lean
+    height2 = float(np.median(face.rss[on] / (face.count[on] - 2))) - sigma**2
+    return math.sqrt(max(height2, 0.0)) / float(np.median(face.lean[on]))
 
 
 def _in_patches(found: RawFaces, sigma: float) -> bool:
@@ -594,7 +568,7 @@ def _in_patches(found: RawFaces, sigma: float) -> bool:
     """
     face = found.faces[ROOT_FACE]
     on = face.count > 5
-    height2 = (face.szz - face.sxz**2 / face.sxx)[on] / (face.count[on] - 2) - sigma**2
+    height2 = face.rss[on] / (face.count[on] - 2) - sigma**2
     quarter, half = np.percentile(height2, [25.0, 50.0])
     quarter += sigma**2 / TO_SD * math.sqrt(2.0 / float(np.median(face.count[on])))  # noise alone makes it less
     return bool(quarter < PATCHES * half)
@@ -607,7 +581,7 @@ def _range_noise(cloud: Cloud, found: RawFaces) -> float:
     z = np.where(cloud.keep[frames] & (found.labels[frames] == ROOT_FACE), cloud.z_mm[frames], np.nan).astype(float)
     bend = np.abs(z[:, :-3] - 3.0 * z[:, 1:-2] + 3.0 * z[:, 2:-1] - z[:, 3:])
     bend = bend[np.isfinite(bend)]
-    return max(float(np.median(bend)) * TO_SD / math.sqrt(20.0), 1e-3) if bend.size else 0.02
+    return max(float(np.median(bend)) * TO_SD / THIRD, 1e-3) if bend.size else 0.02
 
 
 def _lean(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, tilt: Course, sigma: float) -> float:

@@ -19,13 +19,15 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import Cloud
+from workbench.edge.broken_end import SAMPLE_FRAMES
+from workbench.geometry.along import by_pass
 from workbench.geometry.blocks import as_input, evenly
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.medians import median, row_medians
 from workbench.kernels import kernel
 from workbench.units import TO_SD, AnyArray, Bool, Float, Float32, Int, Shaped
 
-FRAMES, LEAST_FRAMES = 480, 4  # evenly over each pass; of a stretch at the least
+LEAST_FRAMES = 4  # of a stretch
 STRETCH_MM, STRETCH_FRAMES = 40.0, 30  # of edge, whose frames are pooled; as long as it takes for so many
 PLACES, LEAST_PLACES = 16, 5  # on a face, along it
 OFTEN = 0.1  # of the frames, that a column sees a face
@@ -134,13 +136,12 @@ def face_image(
     side (N,): its lower end lies towards rising side * x. s_frames (N,): arc length of each frame, mm.
     bow (N,): by which oblique frames see it bent along the range axis, times distance^2, 1/mm; None: by nothing.
     """
-    frames = np.flatnonzero(np.isfinite(s_frames) & (face.count > LEAST_PLACES))
-    of_passes = [frames[cloud.pass_index[frames] == p] for p in np.unique(cloud.pass_index[frames])]
-    frames = np.concatenate([mine[evenly(mine.size, FRAMES)] for mine in of_passes]) if of_passes else frames
+    of_passes = by_pass(cloud.pass_index, np.isfinite(s_frames) & (face.count > LEAST_PLACES))
+    frames = np.concatenate([np.zeros(0, np.int64), *(mine[evenly(mine.size, SAMPLE_FRAMES)] for mine in of_passes)])
     if frames.size < 2 * LEAST_FRAMES:
         return None
-    slope = face.sxz[frames] / face.sxx[frames]
-    lean = np.hypot(1.0, slope)
+    slope = face.slope[frames]
+    lean = face.lean[frames]
     on = (labels[frames] == label) & cloud.keep[frames]
     columns = np.flatnonzero(on.any(axis=0))
     part = slice(columns[0], columns[-1] + 1)

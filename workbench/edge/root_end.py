@@ -21,6 +21,7 @@ from workbench.edge.end_templates import (
     EdgePrior,
     end_templates,
 )
+from workbench.geometry.course import shares
 
 # An edge of less than a right angle that nothing was said of: as likely sharp as blunted, in handling.
 KNIFE = EdgePrior(0.5, 0.5, 0.0, 0.005, 0.05)
@@ -69,8 +70,7 @@ def beyond(view: RootView, condition: EdgeCondition, knife: float) -> tuple[floa
         last = np.clip(r * np.sin(turn) - 0.5 * view.step_mm, 0.0, None)  # half a column before its end on average
         deep = r - np.sqrt(r**2 - last**2)
         log = log - 0.5 * (view.above_mm - mixed + deep) ** 2 / (view.above_u_mm**2 + (QUARTER * deep) ** 2)
-    share = np.exp(log - log.max())
-    share /= share.sum()
+    share = shares(log)
     off = r * (np.tan(0.5 * behind) - np.sin(turn)) - (0.5 - f) * w * view.step_mm
     mean = float((share * off).sum())
     return mean, math.sqrt(max(float((share * (off - mean) ** 2).sum()), 0.0))

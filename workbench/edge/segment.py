@@ -22,7 +22,6 @@ from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import end_step_check
 from workbench.edge.broken_end import BrokenEnd, broken_end, is_free_end, root_rim, together_along, weights
 from workbench.edge.certified import certified, certified_linearity
-from workbench.edge.directions import between
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.groove_frames import two_plates_share
@@ -30,6 +29,7 @@ from workbench.edge.lower_fillet import LIT_COLUMNS, lower_fillet
 from workbench.edge.measure import LEAST_WEIGHT, UNDETERMINED, Measured, face_turns, measure_edge
 from workbench.edge.on_table import under_u_mm
 from workbench.edge.parameters import (
+    STATION_MM,
     USUAL_NOISE_MM,
     BevelNominal,
     Direction,
@@ -54,12 +54,12 @@ from workbench.edge.unseen import (
     unseen_of,
 )
 from workbench.errors import InputError
+from workbench.geometry.along import between, by_pass
 from workbench.geometry.curves import covered, turn_by_robot
 from workbench.geometry.silhouette import reached_mm
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Float
 
-STATION_MM = 1.0
 SEEN_TWIST_DEG = 0.3  # a twist of the section that is no error of its estimate
 ROUNDED = (
     "the lower edge is rounded or chamfered, by about {:.2f} mm: sizes are those to the virtual sharp edge, "
@@ -166,11 +166,11 @@ def _broken_end(cloud: Cloud, tracked: TrackedFaces, rim_mm: float, condition: E
 
 def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, bevel_nominal_deg: float) -> Shown:
     """What the view shows beside both faces, to tell whether they are root face and bevel face."""
-    passes = [tracked.seen & (cloud.pass_index == one) for one in np.unique(cloud.pass_index[tracked.seen])]
+    passes = by_pass(cloud.pass_index, tracked.seen)
     upper, lower = (
         any((tracked.faces[one].count[on] > 2).mean() > 0.5 for on in passes) for one in (UPPER_SURFACE, LOWER_SURFACE)
     )
-    root, bevel = (np.arctan(tracked.faces[one].sxz / tracked.faces[one].sxx) for one in (ROOT_FACE, BEVEL_FACE))
+    root, bevel = (np.arctan(tracked.faces[one].slope) for one in (ROOT_FACE, BEVEL_FACE))
     lies_on = bool(tracked.lies_on[tracked.seen].mean() > 0.5)
     return Shown(
         two_plates_share(cloud),
@@ -190,9 +190,7 @@ def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, be
 def _reach_mm(tracked: TrackedFaces) -> float:
     """Width of the root face from its corner with the bevel to its end: the points of its line keep off both."""
     root, bevel = tracked.faces[ROOT_FACE], tracked.faces[BEVEL_FACE]
-    turn = bevel.slope - root.slope
-    corner = (root.z_mean - bevel.z_mean - root.slope * root.x_mean + bevel.slope * bevel.x_mean) / turn
-    return float(np.nanmedian(np.abs(tracked.root_end[:, 0] - corner) * np.hypot(1.0, root.slope)))
+    return float(np.nanmedian(np.abs(tracked.root_end[:, 0] - root.crossing(bevel)) * root.lean))
 
 
 def _value(checks: Sequence[Check], name: str) -> float:
@@ -333,7 +331,7 @@ def _end_terms(
     reached = reached_mm(measured.upper_s, low, frames.step, frames.sigma, end.course, s)
     unsettled = between(measured.upper_s, measured.unsettled_mm, s)
     level_u = np.sqrt(np.interp(s, end.course.at_mm, measured.said.u_mm) ** 2 + waves**2 + reached**2 + unsettled**2)
-    steep = float(np.abs(np.nanmedian(face.sxz / face.sxx)))
+    steep = float(np.abs(np.nanmedian(face.slope)))
     return EndTerms(level_u, by_break, hidden, lower, declared_u_mm, steep)
 
 

@@ -44,14 +44,17 @@ from workbench.edge.segment import segment
 from workbench.edge.segment_cloud_direction import edge_direction
 from workbench.edge.segment_cloud_grid import organised, recovered_grid
 from workbench.edge.segment_cloud_passes import passes_shown
-from workbench.edge.segment_cloud_sheets import check_one_sheet
+from workbench.edge.segment_cloud_sheets import LEAST_SLICES, check_one_sheet
 from workbench.edge.segment_raw import segment_raw
 from workbench.edge.unseen import BY_THICKNESS, BY_WINDOW
 from workbench.errors import InputError
+from workbench.geometry.blocks import evenly
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.curves import Curve, with_frame
 from workbench.geometry.gridless import MOST_COLUMNS, Laid, Traces, cut, lay_out
 from workbench.geometry.grids import columns_beyond
+from workbench.geometry.moves import chords_mm
+from workbench.geometry.scan_grid import LEAST_CELLS
 from workbench.geometry.splines import through
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Bool, Float
@@ -228,8 +231,7 @@ def _noise_slope(face: FaceLines) -> float:
     Lines are fitted as if along z. Noise along an axis at an angle phi to that acts on x too, and turns them by its
     variance over that of x, times sin(phi) cos(phi): in the mean square over all phi, an eighth.
     """
-    noise = face.szz - face.sxz**2 / face.sxx
-    return math.sqrt(0.125) * float(np.nanmedian(noise / face.sxx))
+    return math.sqrt(0.125) * float(np.nanmedian(face.rss / face.sxx))
 
 
 # A cloud without scan lines as an organised one: sliced across its edge, seen from where its faces show best.
@@ -239,7 +241,7 @@ NEIGHBOURS = 16  # at the least; as few as spread both ways
 THICKER = 1.5  # than one point a cell asks for: points on lines do not spread evenly over the slices
 VIEWS = 24  # directions of sight that are tried, around the edge
 TRIAL_SLICES, COARSE_SLICES, MOST_SLICES = 60, 240, 200_000
-LEAST_SLICES, LEAST_CELLS, MOST_CELLS = 3, 10_000_000, 20  # a slicing's; a point's, beyond that
+MOST_CELLS = 20  # a point's, beyond LEAST_CELLS
 HIDDEN_MM, MOST_LOST = 5.0, 0.15  # a longer gap is a hidden stretch; share of slices lost in shorter ones
 REACH_MM = 25.0  # of the cloud only this much on each side of the edge is sliced
 PATH_STEP_MM = 0.5
@@ -289,7 +291,7 @@ def check_agreement(cloud: Cloud, seen: Bool, step: Spacing) -> None:
     seen (N,): slices that show root face and bevel. Where a clamp hides the edge, they lack in one long stretch.
     """
     gap = np.diff(np.flatnonzero(seen)) - 1
-    short = np.linalg.norm(np.diff(cloud.base_from_profiler[seen, :3, 3], axis=0), axis=1) < HIDDEN_MM
+    short = chords_mm(cloud.base_from_profiler[seen, :3, 3]) < HIDDEN_MM
     missing = float(gap[short].sum())
     lost = missing / (float(seen.sum()) + missing)
     if lost > MOST_LOST:
@@ -353,8 +355,7 @@ def _sliced(points: PointSet, laid: Laid, view: Float, step: Spacing, most: int)
             f"expected a cloud along an edge, found {length:.3g} mm of it with points "
             f"about {step.width_mm:.3g} x {step.thickness_mm:.3g} mm apart",
         )
-    chosen = np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))
-    at = np.asarray(first + step.thickness_mm * (chosen + 0.5), dtype=np.float64)
+    at = np.asarray(first + step.thickness_mm * (evenly(count, most) + 0.5), dtype=np.float64)
     columns = min(float(np.hypot(*np.ptp(laid.place, axis=0))) / step.width_mm, MOST_COLUMNS)
     if len(at) * columns > LEAST_CELLS + MOST_CELLS * len(laid.s):
         raise InputError(

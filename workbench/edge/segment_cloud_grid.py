@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.artefacts import Cloud, PointSet
+from workbench.geometry.blocks import evenly
 from workbench.geometry.chains import noise_sigma
 from workbench.geometry.outliers import reject_outliers
 from workbench.geometry.scan_grid import lines_of_rows, scan_grid, scan_lines
@@ -32,7 +33,7 @@ def recovered_grid(points: PointSet) -> Cloud | None:
 def organised(points: PointSet, x_mm: Float32, z_mm: Float32, base_from_profiler: Float, pass_index: Int) -> Cloud:
     """Profiles (N, M) as an organised cloud, the stray returns rejected."""
     keep, frames = np.isfinite(x_mm), len(x_mm)
-    sample = np.unique(np.linspace(0, frames - 1, SAMPLE_FRAMES).astype(int))
+    sample = evenly(frames, SAMPLE_FRAMES)
     noise = [noise_sigma(z_mm[i][keep[i]].astype(np.float64)) for i in sample if keep[i].sum() > LEAST_POINTS]
     tolerance = max(LEAST_TOLERANCE_MM, NOISE_SIGMAS * float(np.median(noise)) if noise else 0.0)
     keep, isolated, streaks = reject_outliers(z_mm, keep, pass_index, tolerance, WINDOW_FRAMES, JUMP_MM)

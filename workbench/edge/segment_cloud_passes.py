@@ -8,13 +8,14 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.edge.faces import TrackedFaces
+from workbench.edge.segment_cloud_sheets import LEAST_POINTS, LEAST_SLICES
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.gridless import Laid, Traces, seen_from, traces
-from workbench.units import Float, Int
+from workbench.geometry.moves import arc_lengths_mm
+from workbench.units import Float
 
 PATCHES, LONG_MM, WIDE_MM, THICK_MM = 12, 2.0, 1.0, 0.3  # a face; of a patch along the edge, across, off the face
 LONG_SLICES = 7  # a patch is at least so long
-LEAST_POINTS, LEAST_SLICES = 60, 3
 SEVERAL, ONE = 0.35, 0.8  # of a face's patches, at the least, that show several passes, or one
 
 
@@ -23,8 +24,7 @@ def passes_shown(laid: Laid, view: Float, cloud: Cloud, found: TrackedFaces) -> 
 
     laid, view: the points whose slices `cloud` holds. Passes that agree to within their noise are several all the same.
     """
-    s = np.linalg.norm(np.diff(cloud.base_from_profiler[:, :3, 3], axis=0), axis=1)
-    at = float(laid.s.min()) + np.concatenate([[0.0], np.cumsum(s)])
+    at = float(laid.s.min()) + arc_lengths_mm(cloud.base_from_profiler[:, :3, 3])
     seen = [list(_of_face(laid, view, at, found.faces[label])) for label in (ROOT_FACE, BEVEL_FACE)]
     if any(face.count("several passes") > SEVERAL * len(face) for face in seen):
         return "several passes"
@@ -42,16 +42,9 @@ def _of_face(laid: Laid, view: Float, at: Float, face: FaceLines) -> Iterator[Tr
         frames = known[(at[known] >= start) & (at[known] < start + length)]
         if frames.size >= LEAST_SLICES:
             points = np.flatnonzero((laid.s >= start) & (laid.s < start + length))
-            middle, height, slope = _line(face, frames)
+            middle, height, slope = face.typical(frames)
             across = (x[points] - middle) * np.hypot(1.0, slope)
             off = (z[points] - height - slope * (x[points] - middle)) / np.hypot(1.0, slope)
             here = (np.abs(across) < 0.5 * WIDE_MM) & (np.abs(off) < THICK_MM)
             if here.sum() >= LEAST_POINTS:
                 yield traces(across[here], laid.s[points[here]])
-
-
-def _line(face: FaceLines, frames: Int) -> tuple[float, float, float]:
-    """x and z in the face's middle, mm, and its slope, in the median of some frames."""
-    middle, slope = np.median(face.x_mean[frames]), np.median((face.sxz / face.sxx)[frames])
-    height = np.median(face.z_mean[frames] - slope * (face.x_mean[frames] - middle))
-    return float(middle), float(height), float(slope)

@@ -9,8 +9,11 @@ import numpy as np
 from workbench.artefacts import FACE_NAMES, Cloud
 from workbench.edge.faces import TrackedFaces
 from workbench.errors import InputError
+from workbench.geometry.along import by_pass
+from workbench.geometry.blocks import evenly
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.gridless import SPAN_MM, Sheets, two_sheets
+from workbench.geometry.moves import arc_lengths_mm
 from workbench.units import Float, Int
 
 STRETCH_MM, WIDE_MM, RIM_MM = 3.0, 2.0, 0.1  # of a patch, along the edge and across; left out at a face's ends
@@ -47,20 +50,17 @@ def _is_double(fit: Sheets) -> bool:
 def _patches(cloud: Cloud, face: FaceLines) -> Iterator[tuple[Float, Float, Float]]:
     """Points of the face as (x, along the edge, across the face), mm, patch by patch; stray returns among them."""
     place = cloud.base_from_profiler[:, :3, 3]
-    s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(place, axis=0), axis=1))])
+    s = arc_lengths_mm(place)
     known = face.count > LEAST_SLICES
     number = (s / max(STRETCH_MM, STRETCH_SLICES * float(np.median(np.diff(s))))).astype(np.int64)
-    stretches = np.unique(number[known])
-    chosen = np.unique(np.linspace(0, len(stretches) - 1, min(len(stretches), MOST_STRETCHES)).astype(int))
-    for stretch in stretches[chosen]:
-        frames = np.flatnonzero(known & (number == stretch))
+    stretches = by_pass(number, known)
+    for frames in [stretches[k] for k in evenly(len(stretches), MOST_STRETCHES)]:
         if frames.size >= LEAST_SLICES:
             yield from _of_stretch(cloud, face, frames, s[frames])
 
 
 def _of_stretch(cloud: Cloud, face: FaceLines, frames: Int, s: Float) -> Iterator[tuple[Float, Float, Float]]:
-    middle, slope = np.median(face.x_mean[frames]), np.median((face.sxz / face.sxx)[frames])
-    height = np.median(face.z_mean[frames] - slope * (face.x_mean[frames] - middle))
+    middle, height, slope = face.typical(frames)
     half = float(np.median(np.sqrt(3.0 * face.sxx[frames] / face.count[frames]))) - RIM_MM  # of evenly spread points
     x, z = cloud.x_mm[frames].astype(np.float64), cloud.z_mm[frames].astype(np.float64)
     off = (z - height - slope * (x - middle)) / np.hypot(1.0, slope)

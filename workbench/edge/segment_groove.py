@@ -20,7 +20,14 @@ from workbench.edge.groove_plates import plates
 from workbench.edge.groove_profile import Kind
 from workbench.edge.groove_sizes import GrooveSizes
 from workbench.edge.joint_lines import Along, typical
-from workbench.edge.parameters import USUAL_NOISE_MM, Limits, RobotNoiseLength, RobotNoiseOrUsual, usual_noise_mm
+from workbench.edge.parameters import (
+    STATION_MM,
+    USUAL_NOISE_MM,
+    Limits,
+    RobotNoiseLength,
+    RobotNoiseOrUsual,
+    usual_noise_mm,
+)
 from workbench.edge.residual_image import declared_linearity
 from workbench.edge.segment import laser_plane_u
 from workbench.errors import InputError
@@ -28,7 +35,6 @@ from workbench.geometry.curves import Curve, covered, turn_by_robot
 from workbench.stage import InputFile, stage
 from workbench.units import AnyArray, Float, Int
 
-STATION_MM = 1.0
 SHADOW = "one root lies in the shadow of the other plate's: gap and depth are not told; lean the scan the other way"
 COVERED = "what lies between the plates joins their faces, a weld or a backing strip: where these end is not told"
 KNIVES = ("V", "HV")  # types whose bevels reach the plate's lower surface

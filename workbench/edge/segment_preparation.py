@@ -26,7 +26,7 @@ from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check, judged_by
 from workbench.checks.profiles import in_order
 from workbench.edge.broken_end import broken_end, is_free_end, root_rim
-from workbench.edge.directions import near_slope, width_mm, wrapped
+from workbench.edge.directions import near_slope, wrapped
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.fillet import Fillet, fit_on_land, misfit_mm
 from workbench.edge.groove_frames import two_plates_share
@@ -177,7 +177,7 @@ def _checks(
     agree = f"{100 * frames.agreement:.0f} % of the profiles show {WORDS[frames.kind]}: is it one preparation?"
     seen = 1.0 - float(tracked.end_is_cut[tracked.seen].mean()) if tracked.seen.any() else 0.0
     ends = f"the root face's lower end is in view in {100 * seen:.0f} % of the profiles only"
-    wide = width_mm(tracked.faces[ROOT_FACE]) / root_nominal_mm
+    wide = tracked.faces[ROOT_FACE].width_mm / root_nominal_mm
     told = (
         f"what would be the root face is {wide:.2g} times as wide as its nominal size: another face, or another size?"
     )
@@ -194,7 +194,7 @@ def _checks(
 
 def _extent_check(root: Quantity, frames: PreparedFrames, given: Mapping[str, Bound]) -> Check:
     """The check that the root face by its corners is as wide as its returns lie."""
-    width, seen = typical(root.value), width_mm(frames.tracked.faces[ROOT_FACE])
+    width, seen = typical(root.value), frames.tracked.faces[ROOT_FACE].width_mm
     told = f"by its corners the root face is {width:.2f} mm wide, and its returns take up {seen:.2f} mm: another face "
     return check("root_extent_mm", width - seen, f"{told}than those that were measured meets it?", given=given)
 

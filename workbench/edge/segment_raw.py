@@ -33,16 +33,15 @@ from workbench.checks.limits import judged_by
 from workbench.checks.residuals import FaceAlong, Late, every_second, late_check, late_of
 from workbench.checks.window import end_step_check
 from workbench.edge.broken_end import together_along
-from workbench.edge.directions import between
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED
 from workbench.edge.on_table import raw_under_u_mm
-from workbench.edge.parameters import Direction, EndU, Limits, RobotNoise, RobotNoiseLength
+from workbench.edge.parameters import STATION_MM, Direction, EndU, Limits, RobotNoise, RobotNoiseLength
 from workbench.edge.raw_direction import face_directions
 from workbench.edge.raw_faces import RawFaces, find_end_face
 from workbench.edge.raw_measure import (
-    STATION_MM,
+    SAMPLE_FRAMES,
     EndAlong,
     OutAlong,
     RawMeasured,
@@ -55,7 +54,10 @@ from workbench.edge.residual_image import Linearity, declared_linearity, face_im
 from workbench.edge.steps import LEAST_BURRED, burr_stations
 from workbench.edge.unseen import fixed_end_check
 from workbench.errors import InputError
+from workbench.geometry.along import between, in_order
+from workbench.geometry.blocks import evenly
 from workbench.geometry.curves import covered
+from workbench.geometry.poses import in_planes
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Float, Int
 
@@ -63,7 +65,6 @@ PLACE = "course of the edge along its frames"
 ROBOT = "robot: errors along its way and declared drift"
 SPARSE = "poses between those that were recorded"
 HAND_EYE = "hand-eye pose"
-BURR_SAMPLE = 60  # frames, of an edge that is burred all along
 CLOCK = "clocks: poses that may come late"
 ROUNDED = "the {} edge is rounded or chamfered, by about {:.2f} mm: the path rests on its virtual sharp edge"
 LIES_ON = (
@@ -178,8 +179,7 @@ def _edge(
     inward = -n if math.isnan(lean) else math.cos(lean) * m + math.sin(lean) * n
     shared, turn = None, np.zeros(at.size)
     if cloud.hand_eye_covariance is not None and cloud.flange_from_profiler is not None:
-        here = np.flatnonzero(np.isfinite(lower_s))
-        order = here[np.argsort(lower_s[here], kind="stable")]
+        order = in_order(lower_s)
         frame = order[np.clip(np.searchsorted(lower_s[order], at), 0, order.size - 1)]
         shared = np.stack([place_u_mm(cloud, frame, origin, axis) for axis in (n, m)], axis=1)
         turn = turn_u(cloud, frame, t)
@@ -215,7 +215,7 @@ def _edge(
         STEPS: np.full(at.size, math.hypot(apart[0], measured.out.course.step_u)),
         CLOCK: between(measured.s_face, late_mm[0], at),
     }
-    steep = np.nanmedian(np.abs(found.faces[ROOT_FACE].sxz / found.faces[ROOT_FACE].sxx))
+    steep = np.nanmedian(np.abs(found.faces[ROOT_FACE].slope))
     broken = measured.lower.broken
     by_break, by_columns = together_along(measured.lower.s, broken.doubt_mm, at, broken.u_mm, broken.hidden_u_mm)
     hidden = by_columns, raw_under_u_mm(found, lower_s, at)
@@ -281,10 +281,10 @@ def _late_mm(measured: RawMeasured, late: Late) -> tuple[Float, ...]:
 
 def _apart_mm(cloud: Cloud, found: RawFaces, measured: RawMeasured) -> tuple[float, ...]:
     """Half of what every second frame differs from those between, along n and along m, mm."""
-    s, passes, pose = measured.s_face, cloud.pass_index, cloud.base_from_profiler[:, :3]
+    s, passes = measured.s_face, cloud.pass_index
     here = np.nan_to_num(s)
     _, _, m = axes(measured, here)
-    low = pose[:, :, 3] + found.lower.point[:, :1] * pose[:, :, 0] + found.lower.point[:, 1:] * pose[:, :, 2]
+    low = in_planes(cloud.base_from_profiler, *found.lower.point.T)
     out = measured.stands_out_mm - measured.out.value(here)
     down = ((low - measured.curve.position(here)) * m).sum(axis=1) - measured.lower.value(here)
     return tuple(every_second(left, passes) for left in (out, down))
@@ -344,7 +344,7 @@ def burred_u_mm(cloud: Cloud, found: RawFaces) -> float:
     on = np.flatnonzero(found.seen & np.isfinite(ends.point[:, 0]) & ~ends.corner)
     if not on.size or ends.burred[on].mean() < LEAST_BURRED:
         return 0.0
-    on = on[np.unique(np.linspace(0, on.size - 1, BURR_SAMPLE).astype(np.int64))]
+    on = on[evenly(on.size, SAMPLE_FRAMES)]
     far = []
     for i in on:
         x, z = (of[i, (found.labels[i] == ROOT_FACE) & cloud.keep[i]].astype(float) for of in (cloud.x_mm, cloud.z_mm))

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import DECLARED, DIRECTIONS, END, FORM, HIDDEN, ROUNDING, STEPS, TANGENT, Quantity
-from workbench.edge.directions import between
 from workbench.edge.measure import Measured, face_angles
 from workbench.edge.residual_image import FaceForm
+from workbench.geometry.along import between
 from workbench.units import DEG, Float, Shaped
 
 NEAR_MM = 1.5  # of a section: frames that speak for it

@@ -15,9 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from workbench.checks.residuals import CERTAIN, LEAST_FRAMES
+from workbench.geometry.along import by_pass, in_order, near
 from workbench.geometry.blocks import as_input
-from workbench.geometry.course import ALONE, BIN_MM, Course, fit_course, stretches
-from workbench.geometry.medians import median
+from workbench.geometry.course import ALONE, BIN_MM, Course, fit_course, shares, stretches
+from workbench.geometry.medians import median, robust_sd
 from workbench.geometry.processes import Process, Shared
 from workbench.geometry.splines import through
 from workbench.kernels import kernel
@@ -43,7 +45,7 @@ FAR, SURE, FULL = 30.0, 6.0, math.sqrt(2.0 * math.pi)
 NIL = -25.0  # logarithm of a share that counts no more
 FOOT_MM = 0.15  # usual width of what stands on a face, beside its end
 NEAR_MM, LEAST_BURRED = 1.2, 0.5  # of a station, whose frames have a say; of them, that show a burr
-LAGS, LEAST_FRAMES, CERTAIN, STRAYS = (1, 2, 3), 48, 5.0, 4.0  # frames apart; of a pass; standard deviations
+LAGS, STRAYS = (1, 2, 3), 4.0  # frames apart; standard deviations
 
 
 class Readings(NamedTuple):
@@ -118,8 +120,7 @@ def readings(
         own = np.log(FULL * sigma[plain.kept]) + 0.5 * plain.noise_factor * (u[plain.kept] / sigma[plain.kept]) ** 2
         log = plain.log_evidence - (own - 0.5).sum() + math.log(STRAY) * (~plain.kept).sum()
     logs = np.array([log, *(one.evidence + math.log(ODDS[one.sense < 0.0]) for one in found)])
-    share = np.exp(logs - logs.max())
-    share /= share.sum()
+    share = shares(logs)
     apart = np.stack([np.zeros(at.size), *(one.sense * one.course.value(at) - course.value(at) for one in found)])
     own_u = np.stack([np.zeros(at.size), *(one.course.u(at) for one in found)])
     off = np.stack([np.zeros(at.size), *(_own_step(one, s, value, at) for one in found)])
@@ -360,8 +361,8 @@ def own_places(s: Float, value: Float, variance: Float) -> Float:
 
 def burr_stations(s: Float, at: Float, *burred: Bool) -> Int:
     """Stations (of `at`, mm) at which most frames, at s (N,) mm, show one of some burrs, (N,) each."""
-    order = np.argsort(s)[: np.isfinite(s).sum()]
-    first, last = (np.searchsorted(s[order], at + way * NEAR_MM) for way in (-1.0, 1.0))
+    order = in_order(s)
+    first, last = near(s[order], at, NEAR_MM)
     shown = np.stack([np.append(0, np.cumsum(one[order])) for one in burred])
     shown = (shown[:, last] - shown[:, first]).max(axis=0)
     return np.flatnonzero((shown > 1) & (shown >= LEAST_BURRED * (last - first)))
@@ -374,13 +375,13 @@ def waves_u(s: Float, left: Float, pass_index: Int, floor: float) -> float:
     course does not follow (chatter). By the autocovariance, where it is certain; `floor`: what frames share by columns.
     """
     found = 0.0
-    for number in np.unique(pass_index):
-        on = np.flatnonzero((pass_index == number) & np.isfinite(s) & np.isfinite(left))
+    for mine in by_pass(pass_index):
+        on = mine[in_order(s[mine], left[mine])]
         if on.size < LEAST_FRAMES:
             continue
-        value = left[on[np.argsort(s[on], kind="stable")]]
+        value = left[on]
         value = value - median(value)  # passes may lie beside each other
-        usual = STRAYS * TO_SD * median(np.abs(value))
+        usual = STRAYS * robust_sd(value)
         value = value.clip(-usual, usual)
         own = float((value**2).mean())
         shared = max(abs(float((value[lag:] * value[:-lag]).mean())) for lag in LAGS)

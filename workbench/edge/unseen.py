@@ -8,16 +8,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, UPPER_SURFACE, Check, Cloud, MilledEdge, Quantity, Unseen
+from workbench.checks.residuals import UNSEEN_S
 from workbench.checks.window import PINNED
 from workbench.edge.broken_end import is_free_end
 from workbench.edge.faces import TrackedFaces
 from workbench.geometry.grids import columns_beyond, dark_beyond
-from workbench.geometry.poses import rotation_from_vector
+from workbench.geometry.poses import in_planes, rotation_from_vector
 from workbench.units import DEG, AnyArray, Bool, Float, Int, Shaped
 
 TURN_DEG = 1.0  # of a hand-eye pose by design, or measured by hand
 SCALE = 1e-3  # of x against z; data sheets of laser profilers tell a few parts in a thousand of the range
-CLOCK_S = 0.01  # a period of a fast pose stream
 LAYER_MM = 0.05  # a coat of shop primer
 CUT_AWAY_MM = 0.1
 NEXT_COLUMNS = 2  # within these of its last return, something behind the face leaves no stripe of it unseen
@@ -105,7 +105,7 @@ def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge, *, is_sharp
         Unseen("scale", "An error of 0.1 % of the profiler's scale.", *section.change(scales, root)),
         Unseen(
             "clock_offset",
-            f"An offset of {1000 * CLOCK_S:g} ms between the clocks of profiler and robot, which moves values along "
+            f"An offset of {1000 * UNSEEN_S:g} ms between the clocks of profiler and robot, which moves values along "
             "the edge.",
             *_by_clock(cloud, edge),
         ),
@@ -132,9 +132,9 @@ def by_thickness(
     rows = rows[:: max(1, rows.size // MOST_FRAMES)]
     station = np.abs(edge.frame_arc_length_mm[rows, None] - edge.arc_length_mm[None]).argmin(axis=1)
     pose = cloud.base_from_profiler[rows, :3]
-    out = np.cross(edge.tangent[station], pose[:, :, 0] + (upper.sxz / upper.sxx)[rows, None] * pose[:, :, 2])
+    out = np.cross(edge.tangent[station], pose[:, :, 0] + upper.slope[rows, None] * pose[:, :, 2])
     out /= np.linalg.norm(out, axis=1, keepdims=True)
-    place = pose[:, :, 3] + upper.x_mean[rows, None] * pose[:, :, 0] + upper.z_mean[rows, None] * pose[:, :, 2]
+    place = in_planes(cloud.base_from_profiler[rows], upper.x_mean[rows], upper.z_mean[rows])
     found = float(np.nanmedian(np.abs(((place - edge.position_mm[station]) * out).sum(axis=1))))
     left = tuple(one for one in unseen if one.name not in BY_THICKNESS)
     if not abs(found - thickness_mm) > DISAGREES * math.hypot(float(np.nanmedian(edge.root.u)), THICKNESS_U_MM):
@@ -194,7 +194,7 @@ class _Section:
         rows = np.flatnonzero(on)
         rows = rows[:: max(1, rows.size // MOST_FRAMES)]
         station = np.abs(edge.frame_arc_length_mm[rows, None] - edge.arc_length_mm[None]).argmin(axis=1)
-        slopes = np.array([one.sxz[rows] / one.sxx[rows] for one in faces])
+        slopes = np.array([one.slope[rows] for one in faces])
         return cls(slopes, cloud.base_from_profiler[rows, :3, :3], edge.tangent[station])
 
     def _shape(self, profiler: Shaped[Float, "3 3"]) -> tuple[Float, Float]:
@@ -220,13 +220,13 @@ class _Section:
 
 
 def _by_clock(cloud: Cloud, edge: MilledEdge) -> tuple[float, float]:
-    """What values change over the way of CLOCK_S, where they change fast (95 % of the edge less)."""
+    """What values change over the way of UNSEEN_S, where they change fast (95 % of the edge less)."""
     at, time = edge.frame_arc_length_mm, cloud.time_s
     step = np.diff(time)
     speed = np.abs(np.diff(at))[step > 0.0] / step[step > 0.0]
     if not np.isfinite(speed).any():
         return 0.0, 0.0
-    way = CLOCK_S * float(np.nanmedian(speed))
+    way = UNSEEN_S * float(np.nanmedian(speed))
 
     def change(size: Quantity) -> float:
         slope = np.abs(np.gradient(size.value, edge.arc_length_mm))

@@ -49,11 +49,45 @@ class FaceLines:
         return self.sxz / self.sxx
 
     @property
+    def rss(self) -> Float:
+        """What the lines leave (N,): sums of squares along z, mm^2."""
+        return np.maximum(self.szz - self.sxz**2 / self.sxx, 0.0)
+
+    @property
+    def lean(self) -> Float:
+        """Length of a line per mm along x (N,)."""
+        return np.hypot(1.0, self.slope)
+
+    def z(self, x: Float) -> Float:
+        """z (N,) of each line at x (N,), mm."""
+        return self.z_mean + self.slope * (x - self.x_mean)
+
+    def crossing(self, other: FaceLines) -> Float:
+        """x (N,) where each line meets the other face's, mm."""
+        return self.x_mean + (other.z(self.x_mean) - self.z_mean) / (self.slope - other.slope)
+
+    @property
+    def widths_mm(self) -> Float:
+        """How far evenly spread points reach along each line (N,)."""
+        return np.sqrt(12.0 * self.sxx / self.count) * self.lean
+
+    @property
+    def width_mm(self) -> float:
+        """The median of the frames' widths; NaN: none shows the face."""
+        on = self.count > 2
+        return float(np.median(self.widths_mm[on])) if on.any() else math.nan
+
+    def typical(self, frames: Int) -> tuple[float, float, float]:
+        """x and z in the face's middle, mm, and its slope, in the median of some frames."""
+        middle, slope = np.median(self.x_mean[frames]), np.median(self.slope[frames])
+        height = np.median(self.z_mean[frames] - slope * (self.x_mean[frames] - middle))
+        return float(middle), float(height), float(slope)
+
+    @property
     def noise_mm(self) -> float:
         """Range noise of the face: the median of what the lines leave, rms."""
         on = self.count > 2
-        left = np.maximum(self.szz[on] - self.sxz[on] ** 2 / np.maximum(self.sxx[on], 1e-12), 0.0)
-        rms = np.sqrt(left / np.maximum(self.count[on] - 2.0, 1.0))
+        rms = np.sqrt(self.rss[on] / (self.count[on] - 2.0))
         return max(float(np.median(rms)), MIN_SIGMA_MM) if rms.size else MIN_SIGMA_MM
 
 

@@ -17,7 +17,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from workbench.geometry.blocks import as_input
-from workbench.geometry.medians import median, medians
+from workbench.geometry.medians import median, medians, row_medians
+from workbench.geometry.moves import chords_mm
 from workbench.geometry.penalised import Penalised, penalised
 from workbench.geometry.processes import Correlated, Process, Shared, correlated, shapes_told
 from workbench.geometry.splines import Spline
@@ -200,7 +201,7 @@ def _or_rough(
     each = [course, *(_under(one, values, bins, stated, orders, None, unseen, BIN_MM) for one in possible)]
     log = np.array([one.log_evidence for one in each])
     log[0] += math.log(len(possible)) - 0.5 * bins.y.shape[1] * float(np.log(noise).sum())
-    mean = _averaged(each, np.exp(log - log.max()))
+    mean = _averaged(each, shares(log))
     evidence = course.log_evidence + float(np.logaddexp.reduce(log) - log[0])
     return replace(
         course,
@@ -221,13 +222,12 @@ def _unfollowed(course: Course, values: Values) -> Course:
     off, weight = values.y - course.value(values.s).reshape(values.y.shape), 1.0 / values.variance
     together = np.zeros(weight.size)
     for mine in values.passes:
-        count = mine.stop - mine.start
-        if count < LEAST_VALUES:
+        if mine.stop - mine.start < LEAST_VALUES:
             continue
-        size, sure, step = np.empty(count), np.empty(count), np.empty(count - 1)
-        _lasting(as_input(off[mine]), size, step)
-        _lasting(as_input(off[mine] * np.sqrt(weight[mine])[:, None]), sure, step)
-        limit = max(1.0, AGREED * median(step), OUTLIER_SIGMAS * median(sure) * TO_SD)
+        own = off[mine] * np.sqrt(weight[mine])[:, None]
+        each = [_neighbours(np.linalg.norm(one, axis=1), LEAST_VALUES) for one in (off[mine], own)]
+        size, sure = (row_medians(one) for one in each)
+        limit = max(1.0, AGREED * median(chords_mm(own)), OUTLIER_SIGMAS * median(sure) * TO_SD)
         together[mine] = size * (sure > limit)  # in their own noise: values that know little depart from little
     if not together.any():
         return course
@@ -239,29 +239,6 @@ def _unfollowed(course: Course, values: Values) -> Course:
     turn = departure / (2.0 * (course.at_mm[1] - course.at_mm[0]))
     variance, slope_variance = course.variance + departure**2, course.slope_variance + turn**2
     return replace(course, variance=variance, slope_variance=slope_variance)
-
-
-@kernel
-def _lasting(off: Float, size: Float, step: Float) -> None:
-    """Fill size (n,): how far values (n, d) lie off, the median of LEAST_VALUES in a row; step (n - 1,): neighbours."""
-    length, row = np.empty(size.size), np.empty(LEAST_VALUES)
-    for i in range(size.size):
-        square, apart = 0.0, 0.0
-        for d in range(off.shape[1]):
-            square += off[i, d] ** 2
-            apart += (off[i, d] - off[max(i - 1, 0), d]) ** 2
-        length[i] = math.sqrt(square)
-        if i > 0:
-            step[i - 1] = math.sqrt(apart)
-    for i in range(size.size):
-        first = min(max(i - LEAST_VALUES // 2, 0), size.size - LEAST_VALUES)
-        for k in range(LEAST_VALUES):
-            m = k
-            while m > 0 and row[m - 1] > length[first + k]:
-                row[m] = row[m - 1]
-                m -= 1
-            row[m] = length[first + k]
-        size[i] = row[LEAST_VALUES // 2]
 
 
 def _neighbours(value: AnyArray, count: int) -> Float:
@@ -338,9 +315,8 @@ def _under(
     scores = np.zeros(len(grid))
     for low, problem in problems.items():
         scores[grid[:, 0] == low] = problem.evidence(grid[grid[:, 0] == low, 1:])
-    share = np.exp(scores - scores.max())
-    evidence = float(scores.max() + math.log(share.mean()))
-    share /= share.sum()
+    share = shares(scores)
+    evidence = float(np.logaddexp.reduce(scores) - math.log(scores.size))
     counts = share > LEAST_SHARE
     found = np.column_stack([grid[counts], share[counts] / share[counts].sum()])
     stations = np.linspace(knots[3], knots[-4], min(4 * (knots.size - 7), knots.size + 200))
@@ -467,9 +443,20 @@ def processes_told(
     for one in possible:
         _, stepped, plain = _steps(values, bins, False, orders, one, priors)
         score.append(np.logaddexp.reduce(np.append(plain, stepped)))  # a step is none of them
-    share = np.exp(TRUSTED * (np.array(score) - max(score)))
+    share = shares(TRUSTED * np.array(score))
     share *= share > 0.1 * share.mean()  # a tenth as likely as before
     return tuple(one._replace(share=float(of)) for one, of in zip(possible, share / share.sum(), strict=True) if of)
+
+
+def shares(log: Float) -> Float:
+    """What each of some possibilities is likely to be, from the logarithms of their likelihoods: they add up to 1.
+
+    Example:
+        >>> shares(np.array([-1000.0, -1000.0, -np.inf])).tolist()
+        [0.5, 0.5, 0.0]
+    """
+    share = np.exp(log - log.max())
+    return np.asarray(share / share.sum())
 
 
 def _spent(problems: Problems, priors: Float) -> float:
@@ -902,21 +889,18 @@ def _grid(bins: Bins, weight: Float, orders: tuple[int, int], unseen: tuple[floa
         hidden, mm = unseen[0] ** 2, min(unseen[1], length)
     least_one = hidden / mm ** (2 * low - 1)
     shortest_mm = HIDDEN_MM if shared else length  # what a process may do as well, the course must be free to do
-    one = _powers(least_one, max(most**2 / min(shortest_mm, length) ** (2 * low - 1), 10.0 * least_one), STIFFNESSES)
+    one = np.geomspace(
+        least_one, max(most**2 / min(shortest_mm, length) ** (2 * low - 1), 10.0 * least_one), STIFFNESSES
+    )
     least_two = least_one / mm ** (2 * (high - low))
     most_two = most**2 / (2.0 * BIN_MM) ** (2 * high - 1)
-    two = _powers(least_two, max(most_two, 10.0 * least_two), 2 * STIFFNESSES)
+    two = np.geomspace(least_two, max(most_two, 10.0 * least_two), 2 * STIFFNESSES)
     walks = np.column_stack([np.full(one.size * two.size, low), np.repeat(one, two.size), np.tile(two, one.size)])
     if low > 1 or bins.s.size < LEAST_WAVE_BINS:
         return walks
     shortest, grid = SHORTEST_BINS * BIN_MM, [walks]
-    for wave in _powers(shortest, max(length, 2.0 * shortest), CUTS):
+    for wave in np.geomspace(shortest, max(length, 2.0 * shortest), CUTS):
         k, least_flat = 2.0 * math.pi / wave, 0.5 * hidden * mm
-        q = _powers(least_flat, max(most**2 * wave, 30.0 * least_flat), STIFFNESSES)
+        q = np.geomspace(least_flat, max(most**2 * wave, 30.0 * least_flat), STIFFNESSES)
         grid.append(np.column_stack([np.full(q.size, low - 1), q * k ** (2 * low - 2), q * k ** (2 * SHARPEST)]))
     return np.concatenate(grid)
-
-
-def _powers(first: float, last: float, count: int) -> Float:
-    """Values (count,) from first to last, each by the same factor more."""
-    return np.asarray(first * (last / first) ** (np.arange(count) / (count - 1)))

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
+from workbench.geometry.along import by_pass
 from workbench.geometry.blocks import as_input
 from workbench.geometry.course import Course, fit_course, stretches
 from workbench.geometry.processes import Process, Shared
@@ -157,7 +158,7 @@ def along_motion(points_mm: Float, tangent: Float, group: Int) -> Float:
     The longest pass lays down the course; the others are placed on it.
     """
     s = np.zeros(len(points_mm))
-    passes = [np.flatnonzero(group == g) for g in np.unique(group)]
+    passes = by_pass(group)
     for mine in passes:
         if mine.size > 1:
             ahead = tangent[mine[1:]] + tangent[mine[:-1]]
@@ -291,8 +292,8 @@ def doubtful_slope(curve: Curve, robot_noise_mm: float) -> float:
 def covered(s_frames: Float, pass_index: Int, at: Float) -> Bool:
     """Was the edge measured at the places `at` (m,), by any pass? s_frames (N,) mm, NaN where not seen."""
     out = np.zeros(at.shape, bool)
-    for p in np.unique(pass_index):
-        s = np.sort(s_frames[(pass_index == p) & np.isfinite(s_frames)])
+    for mine in by_pass(pass_index, np.isfinite(s_frames)):
+        s = np.sort(s_frames[mine])
         if s.size < 2:
             continue
         steps = np.diff(s)

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from workbench.geometry.medians import median_of
-from workbench.geometry.tracking import COUNT, FIRST, LAST, SXX, SXZ, SZZ, X_MEAN, Z_MEAN, stands_alone
+from workbench.geometry.tracking import COUNT, FINAL_SIGMAS, FIRST, LAST, SXX, SXZ, SZZ, X_MEAN, Z_MEAN, stands_alone
 from workbench.kernels import kernel
 from workbench.units import TO_SD, AnyArray, Bool, Float, Float32, Int
 
@@ -31,7 +31,7 @@ LEAST_POINTS = 8
 GATES_MM = (0.8, 0.6, 0.6)  # about the face's line while it settles
 STREAK = 0.5  # times what the line leaves, that most points leave of theirs: the others are a streak, not roughness
 SCALE_POINTS = 128  # and up to twice as many, of its points, that tell how most of them lie
-FINAL_SIGMAS, FINAL_LEAST_MM, FINAL_MOST_MM = 4.5, 0.08, 0.6
+FINAL_LEAST_MM, FINAL_MOST_MM = 0.08, 0.6
 MARGIN_MM = 0.5  # of the face at its ends that is left out: burrs, and the corner's own points
 SURFACE_FROM_MM, SURFACE_TO_MM = 0.6, 8.0  # depth behind the face at which its surfaces are measured
 SURFACE_NEAR_MM = 2.5  # a surface that joins the face is seen within this depth

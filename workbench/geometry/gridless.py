@@ -23,8 +23,9 @@ import numpy as np
 
 from workbench.geometry.blocks import as_input
 from workbench.geometry.curves import Curve
+from workbench.geometry.medians import robust_sd
 from workbench.kernels import kernel
-from workbench.units import TO_SD, Bool, Float, Float32, Int, Shaped
+from workbench.units import Bool, Float, Float32, Int, Shaped
 
 FRONT_MM = 0.5  # points of a cell this near to its foremost one are of the surface that is seen there
 MARGIN = 20  # empty columns on each side: no field of view ends a slice
@@ -179,7 +180,7 @@ def two_sheets(x_mm: Float, y_mm: Float, z_mm: Float) -> Sheets:
     """Fit one and two sheets to a patch's points (n,): x and y in the face, z across it."""
     off = _off_plane(x_mm, y_mm, z_mm)
     r = as_input(off[np.abs(off) < SPAN_MM])
-    sigma = max(float(np.median(np.abs(r))) * TO_SD, LEAST_SIGMA_MM)
+    sigma = max(robust_sd(r), LEAST_SIGMA_MM)
     low, high = (float(np.quantile(r, share)) for share in (0.1, 0.9))
     one = _fitted(r, float(np.median(r)), 0.0, sigma, False)[0]
     starts = ((-sigma, sigma), (low, 0.5 * sigma), (-0.5 * sigma, high))
@@ -196,7 +197,7 @@ def _off_plane(x: Float, y: Float, z: Float) -> Float:
     for _ in range(PLANE_ROUNDS):
         plane = np.linalg.lstsq(design * weight[:, None], z * weight, rcond=None)[0]
         off = z - design @ plane
-        sigma = max(float(np.median(np.abs(off))) * TO_SD, LEAST_SIGMA_MM)
+        sigma = max(robust_sd(off), LEAST_SIGMA_MM)
         weight = 1.0 / (1.0 + (off / (CAUCHY * sigma)) ** 2)
     return np.asarray(off)
 

@@ -6,12 +6,17 @@ import numpy as np
 
 from workbench.geometry.blocks import as_input
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Float, Int
+from workbench.units import TO_SD, AnyArray, Float, Int
 
 
 def median(values: AnyArray) -> float:
     """The median of values (n,) without NaN, n at least 1; of an even number the mean of the middle two."""
     return float(_median(as_input(np.asarray(values, dtype=np.float64))))
+
+
+def robust_sd(left: AnyArray) -> float:
+    """Standard deviation (n, at least 1) of what scatters about 0, by the median of its sizes: strays do not count."""
+    return TO_SD * median(np.abs(left))
 
 
 def medians(values: Float, edges: Int) -> Float:

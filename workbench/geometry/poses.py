@@ -80,6 +80,16 @@ def cross(a: Float, b: Float) -> Float:
     return np.asarray(a.take(behind, -1) * b.take(ahead, -1) - a.take(ahead, -1) * b.take(behind, -1))
 
 
+def in_planes(base_from_profiler: Float, x: Float, z: Float) -> Float:
+    """Points (n, 3) in the base at x, z (n,) of laser planes at poses (n, 4, 4).
+
+    Example:
+        >>> in_planes(np.eye(4)[None], np.array([1.0]), np.array([2.0])).tolist()
+        [[1.0, 0.0, 2.0]]
+    """
+    return mapped(base_from_profiler, np.stack([x, np.zeros(x.shape), z], axis=-1))
+
+
 def rotation_from_quaternion(quaternion_wxyz: Float) -> Float:
     """Rotation matrices (..., 3, 3) of unit quaternions (..., 4); q and -q give the same."""
     w, x, y, z = np.moveaxis(np.asarray(quaternion_wxyz, float), -1, 0)

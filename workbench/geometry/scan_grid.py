@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.geometry.gridless import MARGIN
 from workbench.units import Bool, Float, Float32, Int, Shaped
 
 LEAST_LINES, LEAST_POINTS = 3, 20  # of a cloud; of a line, in the median
@@ -25,7 +26,6 @@ SHORT_LINES = 12  # so many short ones in a row: the plane is lost
 PASS_JUMP, PASS_LINES = 25.0, 9  # a pass ends at a step of so many usual ones, or where so many lines go another way
 ANGLES = 90  # of the lateral axis, that are tried; each further time between the two next to the best
 SAMPLE = 60_000  # steps that tell it, a tenth of them the first
-MARGIN = 20  # empty columns on each side: where the field of view ended is not known
 LEAST_STEP_MM = 1e-4
 LEAST_CELLS, MOST_CELLS = 10_000_000, 50  # of a grid; a point, beyond that
 MOST_MISSING = 40  # columns left empty for returns that are missing in a row

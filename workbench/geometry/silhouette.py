@@ -18,12 +18,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from workbench.geometry.along import by_pass, in_order, near
 from workbench.geometry.blocks import as_input
-from workbench.geometry.course import ALONE, Course, fit_course
-from workbench.geometry.medians import medians
+from workbench.geometry.course import ALONE, BIN_MM, HIDDEN_MM, Course, fit_course
+from workbench.geometry.medians import medians, robust_sd
 from workbench.geometry.processes import Shared
 from workbench.kernels import kernel
-from workbench.units import TO_SD, Float, Int, Shaped
+from workbench.units import Float, Int, Shaped
 
 LEAST_FRAMES = 30  # of a pass: fewer do not tell noise from vibration
 LIMIT_SIGMAS = 1.5  # room for noise at a column's limits where frames share it
@@ -32,15 +33,15 @@ BLOCKS = 60  # of a pass, by whose middle columns it is told whether the end pas
 PASSED = 5.0  # odds, for each column passed, that the columns moved against a smooth end: noise to a column's step
 STRAY = 0.01  # probability that a frame's last return tells nothing about the end
 MISSES = 6  # columns of the face that may have gone without return at its end
-CELL_MM, LEAST_CELLS = 2.0, 20  # stretches of edge, or parts of a short one
+LEAST_CELLS = 20  # of BIN_MM of edge, or parts of a short one
 GRID = 161  # places of the end about the course
 REACH_STEPS, REACH_SIGMAS = 1.5, 6.0  # half width of that grid
 # Rounds: settled where one moves the course nowhere by this share of its u; from which on only part of a step is taken,
 # since whole ones may swing; at most.
 SETTLED_U, WHOLE_ROUNDS, PART_STEP, MOST_ROUNDS = 0.1, 3, 0.5, 12
-UNSEEN_STEPS, UNSEEN_MM = 0.05, 20.0  # of a column step, over which the end may wave unseen
-# Frames that show the face beyond its told end: by how many columns and sigmas, how many at least, over how much edge.
-FURTHER_STEPS, FURTHER_SIGMAS, FURTHER_SHARE, FURTHER_LEAST, FURTHER_MM = 1.0, 4.0, 0.1, 3, 20.0
+UNSEEN_STEPS = 0.05  # of a column step, by which the end may wave unseen over HIDDEN_MM
+# Frames that show the face beyond its told end: by how many columns and sigmas, how many at least.
+FURTHER_STEPS, FURTHER_SIGMAS, FURTHER_SHARE, FURTHER_LEAST = 1.0, 4.0, 0.1, 3
 LEAST_TOGETHER = 4  # cells that count as known together, however loose the course
 NOTHING = 36.0  # logarithms below the greatest: a share below the digits of a number
 FAR_SIGMAS, NORMAL = 7.0, 4097  # where no noise is left to tell of; values in a table
@@ -71,14 +72,13 @@ def settled(s: Float, low: Float, step: Float, sigma: Float, column: Int, group:
     """
     low, step, sigma, weight = low.copy(), step.copy(), sigma.copy(), np.ones(low.size)
     doubt = np.zeros(low.size)
-    for g in np.unique(group):
-        mine = np.flatnonzero((group == g) & np.isfinite(low) & np.isfinite(s) & np.isfinite(sigma) & (step > 0))
+    for mine in by_pass(group, np.isfinite(low + s + sigma) & (step > 0)):
         if mine.size < LEAST_FRAMES:
             continue
         moved = low[mine] - (column[mine] - np.median(column[mine])) * np.median(step[mine])
         course = fit_course(s[mine], moved, sigma[mine] ** 2)
         rough = moved - course.value(s[mine])
-        spread = float(np.median(np.abs(rough)) * TO_SD) ** 2
+        spread = robust_sd(rough) ** 2
         noise = float(np.median(sigma[mine]) ** 2)
         share = min(1.0, noise / max(spread, 1e-12))
         low[mine] -= share * np.clip(rough, -3.0 * sigma[mine], 3.0 * sigma[mine])
@@ -131,7 +131,7 @@ def find_end(
 ) -> EndCourse:
     """The end along the edge; first: a course through the middles of the column steps; the others: as `fit_course`."""
     length = max(float(ends.s[-1] - ends.s[0]), 1e-3)
-    cells = max(math.ceil(length / CELL_MM), min(LEAST_CELLS, ends.s.size // 3), 1)
+    cells = max(math.ceil(length / BIN_MM), min(LEAST_CELLS, ends.s.size // 3), 1)
     cell = np.minimum((ends.s - ends.s[0]) / length * cells, cells - 1).astype(np.int64)
     _, cell = np.unique(cell, return_inverse=True)
     count = np.bincount(cell)
@@ -140,7 +140,7 @@ def find_end(
     sigma = float(np.median(ends.sigma)) + 1e-6
     step = float(np.median(ends.step[silhouette])) if silhouette.any() else 0.0
     grid = np.linspace(-1.0, 1.0, GRID) * (REACH_STEPS * step + REACH_SIGMAS * sigma)
-    unseen, round_ = (UNSEEN_STEPS * step, UNSEEN_MM), shared._replace(may_step=False)
+    unseen, round_ = (UNSEEN_STEPS * step, HIDDEN_MM), shared._replace(may_step=False)
     course, prior = first, np.full(place.size, math.hypot(step, 4.0 * sigma))
     about = course.value(place)
     said = np.bincount(cell, ends.sigma**2 + ends.step**2 / 12.0) / count**2 * first.noise_factor
@@ -182,14 +182,13 @@ def reached_mm(s: Float, low: Float, step: Float, sigma: Float, course: Course, 
     Most frames may have lost the end of a face (an exposure that alternates): a face does not return where it is not.
     s, low, step, sigma (N,): of the frames, as those of `Ends`, NaN where a frame does not show it.
     """
-    on = np.flatnonzero(np.isfinite(s) & np.isfinite(low) & (step > 0.0))
+    on = in_order(np.where(step > 0.0, s, np.nan), low)
     if not on.size:
         return np.zeros(at.size)
-    on = on[np.argsort(s[on], kind="stable")]
     place = s[on]
     over = low[on] - course.value(place)
     beyond = over > np.maximum(FURTHER_STEPS * step[on], 0.5 * step[on] + FURTHER_SIGMAS * sigma[on])
-    first, last = (np.searchsorted(place, at + way * 0.5 * FURTHER_MM) for way in (-1.0, 1.0))
+    first, last = near(place, at, 0.5 * HIDDEN_MM)
     count = np.concatenate([[0], np.cumsum(beyond)])
     out = np.zeros(at.size)
     for k in np.flatnonzero(count[last] - count[first] > np.maximum(FURTHER_SHARE * (last - first), FURTHER_LEAST)):

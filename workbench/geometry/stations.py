@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from workbench.geometry.along import by_pass
 from workbench.geometry.blocks import as_input, as_rows, over_blocks
 from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
@@ -337,8 +338,7 @@ def _needed(
 def frame_stations(arc_length_mm: Float, pass_index: AnyArray, step: float, count: int) -> Int:
     """Station (N,) near each frame: where it crosses the edge, or between its neighbours where it does not see it."""
     start = np.zeros(len(arc_length_mm))
-    for number in np.unique(pass_index):
-        mine = np.flatnonzero(pass_index == number)
+    for mine in by_pass(pass_index):
         good = mine[np.isfinite(arc_length_mm[mine])]
         if good.size:
             start[mine] = np.interp(mine, good, arc_length_mm[good])

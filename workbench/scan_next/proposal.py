@@ -189,8 +189,7 @@ def proposals(cloud: Cloud, edge: MilledEdge, profiler: Profiler, known: Knowled
 
     root, bevel = float(np.nanmedian(edge.root.value)), float(np.nanmedian(edge.bevel.value)) * DEG
     face = edge.faces[BEVEL_FACE]
-    on = face.count > 2
-    width = float(np.median(np.sqrt(12.0 * face.sxx[on] / face.count[on]) * np.hypot(1.0, face.sxz[on] / face.sxx[on])))
+    width = face.width_mm
     joint = Joint(root + width * math.cos(bevel), root, bevel)
     length = float(edge.arc_length_mm[-1])
     pitch = max(float(np.nanmedian(np.abs(np.diff(edge.frame_arc_length_mm)))), 1e-3)

@@ -472,6 +472,7 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     found = chains(recording.x_mm, recording.z_mm, recording.pass_index)
     now = consistency(found, _poses(recording, found, hand_eye, AS_READ))
     suspected = steadier = _steadier(recording, found, hand_eye, now)
+    unwaved = max(now.unsteady_deg - now.waved_deg, 0.0)
     plane, about = "the laser plane is {:.0f} deg off square", "the section would rotate by {:.2f} deg about the edge"
     varied = "the angle between laser plane and edge would vary by {:.1f} deg to each side"
     judged = [
@@ -479,7 +480,7 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
         for name, value, told, bound in (
             ("obliquity_deg", now.obliquity_deg, plane, None),
             ("obliquity_varies_deg", now.varies_deg, varied, VARIED_DEG if steadier else None),
-            ("unsteady_twist_deg", now.unsteady_deg, f"{about} and back, unlike any plate", None),
+            ("unsteady_twist_deg", unwaved, f"{about} and back, unlike any plate", None),
             ("twist_deg", now.twist_deg, f"{about}, which the orientations do not explain", None),
         )
     ]

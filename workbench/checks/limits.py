@@ -130,7 +130,7 @@ LIMITS: dict[str, Limit] = {
     ),
     "unsteady_twist_deg": Limit(
         3.0,
-        "the same, less its slow variation along the edge",
+        "the same, less its slow variation along the edge and what waves of the edge do under an oblique laser plane",
         "plates twist slowly, good recordings have up to 0.5; wrong orientations rotate the section with the wrist",
     ),
     "together_share": Limit(

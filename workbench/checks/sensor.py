@@ -69,6 +69,8 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     z, many = rows.astype(np.float64), some(z_mm, MANY).astype(np.float64)
     digit = _digit(many, step_mm(rows))
     mean, pieces = moving_mean(z), _straight_pieces(z)
+    if len(pieces) < LEAST_PIECES:  # where each frame has one, or none
+        pieces = _straight_pieces(many)
     least = ROUNDED * float(np.spacing(np.float32(np.nanmax(np.abs(z), initial=0.0))))
     if len(pieces) and np.median(pieces.std(axis=1)) < max(least, NO_NOISE_MM) and _bends(some(x_mm)) < QUIET_MM:
         return SensorTraces(0.0, 0.0, _filled_share(many, digit))

@@ -416,7 +416,7 @@ def _side(
         raise InputError(
             cloud.source, "no frame shows where the end face ends: is upper_side right, are axes mirrored?"
         )
-    where[~within(np.nan_to_num(where), where[np.isfinite(where + low)], GAP_MM)] = np.nan
+    where[~within(where, where[np.isfinite(where + low)], GAP_MM)] = np.nan
     low[~np.isfinite(where)] = np.nan
     return _Side(ends, outward, where, low, steps, np.hypot(noise, vibration), missing, used, by_corners)
 

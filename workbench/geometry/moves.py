@@ -305,14 +305,14 @@ def _mirrored(chord: Float, way: Float) -> Float:
 
 
 def within(x: Float, places: Float, reach: float) -> Bool:
-    """Whether each x (n,) is no farther than `reach` from one of the places (p,), in any order.
+    """Whether each x (n,) is no farther than `reach` from one of the places (p,), in any order; NaN: it is not.
 
     Example:
-        >>> within(np.array([0.0, 2.0, 5.0]), np.array([6.0, 1.0]), 1.0).tolist()
-        [True, True, True]
+        >>> within(np.array([0.0, 2.0, np.nan]), np.array([6.0, 1.0]), 1.0).tolist()
+        [True, True, False]
     """
     padded = np.concatenate([[-np.inf], np.sort(places), [np.inf]])
-    after = np.searchsorted(padded, x)
+    after = np.searchsorted(padded[1:-1], x) + 1
     return np.asarray(np.minimum(x - padded[after - 1], padded[after] - x) <= reach)
 
 

@@ -36,7 +36,7 @@ def picture(cards: Sequence[Mapping[str, Any]]) -> bytes:
     found = points(cards)
     methods = list(dict.fromkeys(method for method, *_ in found))
     figure = Figure(figsize=(8.4, 4.2))
-    axes = figure.add_axes((0.1, 0.14, 0.56, 0.8))
+    axes = figure.add_axes((0.1, 0.14, 0.52, 0.8))
     axes.axhspan(*HONEST, color=TOLERANCE)
     axes.set(
         xlim=(-3.3, 1.3),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.geometry.medians import median
 from workbench.units import AnyArray, Bool, Float, Int
 
 LEAST_MEDIAN = 3  # frames
@@ -60,5 +61,6 @@ def running_median(s: Float, value: Float, at: Float, reach_mm: float) -> Float:
     some = np.flatnonzero(last - first >= min(LEAST_MEDIAN, on.size))
     if not some.size:  # so few frames so far apart: each stands for itself
         return between(s, value, at)
-    middle = [float(np.median(value[on[first[k] : last[k]]])) for k in some]
+    ordered = value[on]
+    middle = [median(ordered[first[k] : last[k]]) for k in some]
     return np.interp(at, at[some], middle)

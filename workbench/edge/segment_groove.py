@@ -15,6 +15,7 @@ from workbench.checks.limits import Bound, check, judged_by
 from workbench.checks.profiles import in_order
 from workbench.checks.window import hidden_columns_u
 from workbench.edge.end_templates import EdgeCondition
+from workbench.edge.extrapolated import name_extrapolated
 from workbench.edge.groove_frames import ReadFrames, axes, groove_curve, read_frames
 from workbench.edge.groove_plates import plates
 from workbench.edge.groove_profile import Kind
@@ -106,7 +107,7 @@ def segment_groove(
     seen_s[read.frame] = s - first
     t = curve.tangent(at + first)
     right, up = axes(curve, at + first, about - tilt.value(at + first))
-    return Groove(
+    found = Groove(
         type=type_,
         alternatives=alternatives,
         declared=declared,
@@ -131,6 +132,7 @@ def segment_groove(
             *((COVERED,) if any(one.is_covered for one in measured.plates) else ()),
         ),
     )
+    return name_extrapolated(found, cloud, max(one.sigma for one in measured.plates))
 
 
 def _read_checks(read: ReadFrames, given: Mapping[str, Bound]) -> list[Check]:

@@ -28,6 +28,7 @@ from workbench.checks.profiles import in_order
 from workbench.edge.broken_end import broken_end, is_free_end, root_rim
 from workbench.edge.directions import near_slope, wrapped
 from workbench.edge.end_templates import EdgeCondition
+from workbench.edge.extrapolated import name_extrapolated
 from workbench.edge.fillet import Fillet, fit_on_land, misfit_mm
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.joint_lines import Along, FaceLine, JointLines, Place, Values, corners, joined, meeting, typical
@@ -141,7 +142,7 @@ def segment_preparation(
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
     ends = root_end_check(cloud, frames.tracked)
-    return Preparation(
+    found = Preparation(
         type=frames.kind,
         declared=preparation != "auto",
         arc_length_mm=edge.arc_length_mm,
@@ -161,6 +162,7 @@ def segment_preparation(
         checks=(*cloud.checks, *checks, ends),
         unseen=by_window(ends),
     )
+    return name_extrapolated(found, cloud, max(frames.sigma_mm.values()))
 
 
 def _refused(cloud: Cloud, frames: PreparedFrames) -> tuple[str, str]:

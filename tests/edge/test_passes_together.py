@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.edge.broken_end import BrokenEnd, PassEnd
+from workbench.edge.broken_end import BrokenEnd
+from workbench.edge.end_templates import SeenEnd
 
 
 def views_together(radius_mm: float, begin_mm: tuple[float, ...], corners: int) -> BrokenEnd:
@@ -22,7 +23,8 @@ def views_together(radius_mm: float, begin_mm: tuple[float, ...], corners: int) 
     hidden = np.where(which == 0, 0.5, 0.2)
     corner = (which == 1) & (np.arange(s.size) < 200 + corners)
     end_mm = 1.5 - np.where(corner, 0.0, hidden) * radius_mm + np.random.default_rng(3).normal(0.0, 0.005, s.size)
-    seen = {p: PassEnd((0.2 if p else 0.5) * radii, np.full(radii.size, 0.002)) for p in range(len(begin_mm))}
+    none, u = np.zeros(radii.size), np.full(radii.size, 0.002)
+    seen = {p: SeenEnd(none, (0.2 if p else 0.5) * radii, u, none[:, None]) for p in range(len(begin_mm))}
     beyond, u = (np.where(corner, 0.0, of * hidden) for of in (radii.mean(), radii.std()))
     found = BrokenEnd(beyond, u, np.zeros(s.size), 0.1, 0.0, u, share, seen, np.zeros(s.size))
     return found.agreed(s, end_mm, which, corner)

@@ -110,13 +110,6 @@ def is_free_end(tracked: TrackedFaces) -> Bool:
     return tracked.seen & ~(tracked.end_is_cut | tracked.end_is_burred | tracked.end_is_corner)
 
 
-class PassEnd(NamedTuple):
-    """How far the virtual edge lies beyond the returns of a pass, by each of the templates."""
-
-    beyond: Shaped[Float, " t"]  # mm: mean
-    beyond_u: Shaped[Float, " t"]  # and standard uncertainty
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class BrokenEnd:
     """What the posterior over the templates says of N frames; zeros where the face's end is no free one."""
@@ -128,7 +121,7 @@ class BrokenEnd:
     rim_mm: float  # of the face before its last return on the line, or its corner, along x, that is broken
     together_u_mm: Shaped[Float, " N"]  # `u_mm` where passes show the same edge, by what all of them see of its place
     share: Shaped[Float, " t"]  # of the templates
-    seen: Mapping[int, PassEnd]  # by pass
+    seen: Mapping[int, SeenEnd]  # by pass
     own_mm: Shaped[Float, " N"]  # of `beyond_mm`, by how much more that is here than on average over the pass
 
     @property
@@ -147,7 +140,8 @@ class BrokenEnd:
 
         Source: eq. (12c) of docs/method.md.
         """
-        nothing = PassEnd(np.zeros(self.share.size), np.zeros(self.share.size))
+        none = np.zeros(self.share.size)
+        nothing = SeenEnd(none, none, none, none[:, None])
         views = [((pass_index == p) & ~is_corner, seen) for p, seen in self.seen.items()]
         views += [((pass_index == p) & is_corner, nothing) for p in np.unique(pass_index[is_corner])]
         end_mm = end_mm + self.own_mm
@@ -232,24 +226,21 @@ def broken_end(
         seen, likelihood, share = _posterior(views, templates, corner)
     possible = np.isfinite(templates.log_prior[1:])
     proven = bool(likelihood[1:][possible].max() - likelihood[0] > PROOF)
-    rims, by_pass = [0.0], dict[int, PassEnd]()
+    rims = [0.0]
     for p, (view, shown), one in zip(numbers, looks, seen, strict=True):
         mine = here & (cloud.pass_index == p)
         mean, spread = beyond_of(share, one)
-        # No break reaches farther than its size: what does is another surface's.
-        other = max(mean - float(share @ templates.size_mm) - view.step_mm, 0.0)
         broken = float(share[templates.size_mm > 0.0].sum())
         unseen = max(mean / broken - view.further * view.step_mm, 0.0) if broken > 0.0 else 0.0
         own[mine] = broken * _own_break(cloud, rim, shown, unseen, np.flatnonzero(mine))
-        beyond[mine], u[mine] = mean + own[mine], math.hypot(spread, other)
-        by_pass[int(p)] = PassEnd(one.beyond, np.hypot(one.beyond_u, other))
+        beyond[mine], u[mine] = mean + own[mine], spread
         deep = share @ one.fall > 3.0 * np.sqrt(np.diag(view.known.noise))
         rims.append(float(np.diff(view.edges_mm)[deep].sum()) * math.cos(view.inclination))
     size, rim_mm = (float(share @ templates.size_mm), max(rims)) if proven and seen else (0.0, 0.0)
     if corner is not None:
         size, rim_mm = max(size, corner.radius_mm), max(rim_mm, corner.rim_mm)
     hidden = np.where(here, _hidden_end_u_mm(cloud, rim.face), 0.0)
-    return BrokenEnd(beyond, u, hidden, size, rim_mm, u, share, by_pass, own)
+    return BrokenEnd(beyond, u, hidden, size, rim_mm, u, share, dict(zip(numbers, seen, strict=True)), own)
 
 
 def _posterior(

@@ -387,43 +387,41 @@ def _step_u(values: Values, bins: Bins, stated: bool, orders: tuple[int, int], s
     the posterior over a step before each bin, and none, which is held likelier by STEPLESS before; STEP: its size then.
     """
     square = 0.0
-    for process, share in shared.possible:
+    for process in shared.processes:
         priors = _few_priors(bins, stated, orders, process)
         size, stepped, plain = _steps(values, bins, stated, orders, process, priors)
-        if size.size:
-            both = np.logaddexp(np.logaddexp.reduce(stepped, axis=None), np.logaddexp.reduce(plain))
-            square += share * float((np.exp(stepped - both) * size**2).sum())
+        both = np.logaddexp(np.logaddexp.reduce(stepped, axis=None), np.logaddexp.reduce(plain))
+        square += process.share * float((np.exp(stepped - both) * size**2).sum())
     return math.sqrt(square / 2.0)
 
 
 def _steps(
-    values: Values, bins: Bins, stated: bool, orders: tuple[int, int], process: Process | None, strengths: Float
+    values: Values, bins: Bins, stated: bool, orders: tuple[int, int], process: Process, strengths: Float
 ) -> tuple[Float, Float, Float]:
     """Sizes (j, k) of a step before each of k bins under strengths (j, 2); log-evidences with (j, k) and without (j,).
 
     Of the values' first component.
     """
-    together, noise_factor = _noise(bins, stated, orders, process)
+    together = process.covariance(bins.s, bins.spread, bins.group)
+    noise_factor = max(_noise_factor(bins, stated, min(orders), together), float(stated))
     weight, knots = _weight(bins, noise_factor, process), _knots(values.s, 2.0 * values.width_mm)
-    covariance = None if together is None else np.diag(1.0 / weight) + together
     s, y = np.clip(bins.s, knots[3], knots[-4]), (bins.y - _trend(bins, weight, orders[0])(bins.s))[:, :1]
-    problem = _problems(s, y, weight, knots, orders, covariance)[orders[0]]
+    inverse = np.asarray(np.linalg.inv(np.diag(1.0 / weight) + together), dtype=float)
+    problem = correlated(penalised(s, y, weight, knots, orders), s, y, inverse)
     ahead = (bins.s[:, None] >= bins.s) & (bins.group[:, None] == bins.group)
     behind = ~ahead & (bins.group[:, None] == bins.group)
     told = np.minimum(ahead.sum(axis=0), behind.sum(axis=0)) >= LEAST_SHARED
     plain = problem.evidence(strengths)
-    if not told.any():
-        return np.zeros((plain.size, 0)), np.zeros((plain.size, 0)), plain
-    size, u = shapes_told(problem, s, y[:, 0], weight, ahead[:, told].astype(float), strengths)
+    size, u = shapes_told(problem, y[:, 0], ahead[:, told].astype(float), strengths)
     most = STEP**2 + u**2
     log = 0.5 * size**2 * (1.0 / u**2 - 1.0 / most) + 0.5 * np.log(u**2 / most) + plain[:, None]
-    return size, log - math.log(STEPLESS * told.sum()), plain
+    return size, log - math.log(STEPLESS * max(int(told.sum()), 1)), plain
 
 
-def _few_priors(bins: Bins, stated: bool, orders: tuple[int, int], process: Process | None) -> Float:
+def _few_priors(bins: Bins, stated: bool, orders: tuple[int, int], process: Process) -> Float:
     """Some strengths (j, 2) of all."""
     weight = _weight(bins, _noise(bins, stated, orders, process)[1], process)
-    priors = _grid(bins, weight, orders, (0.0, 1.0), process.density(HIDDEN_MM) if process else 0.0)
+    priors = _grid(bins, weight, orders, (0.0, 1.0), process.density(HIDDEN_MM))
     return priors[priors[:, 0] == orders[0], 1:][::STEP_PRIORS]
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
 from workbench.geometry.penalised import BAND, Penalised
 from workbench.units import Float, Int, Shaped
@@ -136,32 +135,16 @@ class Correlated:
         return self.known[key]
 
 
-def shapes_told(
-    problem: Penalised | Correlated, s: Float, y: Float, weight: Float, shapes: Float, strengths: Float
-) -> tuple[Float, Float]:
-    """Sizes (j, k) of shapes (n, k) in the values y (n,) at s (n,), each beside the course alone, and their u (j, k).
+def shapes_told(problem: Correlated, y: Float, shapes: Float, strengths: Float) -> tuple[Float, Float]:
+    """Sizes (j, k) of shapes (n, k) in the values y (n,), each beside the course alone, and their u (j, k).
 
-    By generalised least squares under each of the strengths (j, 2); weight (n,): of values with noise of their own.
+    By generalised least squares under each of the strengths (j, 2).
     """
-    plain = problem.plain if isinstance(problem, Correlated) else problem
-    basis = plain.rows(s)[0]
-    weighted = problem.inverse @ shapes if isinstance(problem, Correlated) else weight[:, None] * shapes
-    mixed, square, shown = basis.T @ weighted, (shapes * weighted).sum(axis=0), y @ weighted
-    right = np.column_stack([mixed, problem.right[:, 0]])
-    size, known = [], []
-    full = problem.covariance(strengths) @ right if isinstance(problem, Correlated) else None
-    for j, (one, other) in enumerate(strengths):
-        if full is not None:
-            solved = full[j]
-        else:
-            bands = problem.normal + problem.roughness[0] / one + problem.roughness[1] / other
-            lower = np.zeros((BAND, len(bands)))
-            for k in range(BAND):
-                lower[k, : len(bands) - k] = bands[k:, k]
-            solved = scipy.linalg.solveh_banded(lower, right, lower=True)
-        known.append(np.maximum(square - (mixed * solved[:, :-1]).sum(axis=0), 1e-300))
-        size.append((shown - solved[:, -1] @ mixed) / known[-1])
-    return np.array(size), 1.0 / np.sqrt(known)
+    weighted = problem.inverse @ shapes
+    mixed, square, shown = problem.basis.T @ weighted, (shapes * weighted).sum(axis=0), y @ weighted
+    solved = problem.covariance(strengths) @ np.column_stack([mixed, problem.right[:, 0]])
+    known = np.maximum(square - (mixed * solved[:, :, :-1]).sum(axis=1), 1e-300)
+    return (shown - solved[:, :, -1] @ mixed) / known, 1.0 / np.sqrt(known)
 
 
 def correlated(plain: Penalised, s: Float, y: Float, inverse: Float) -> Correlated:

@@ -117,7 +117,7 @@ def _both_sides(x: Float, y: Float, lines: Float, long: Float, over: bool) -> tu
     if left is None or right is None:
         return None
     right = _mirrored(right, n)
-    if left.last > right.last + SHARED or x[left.upper[-1]] >= x[right.upper[0]]:
+    if left.last > right.last + SHARED:
         return None
     ends = [int(side.below[at]) if side.below.size else side.last for side, at in ((left, -1), (right, 0))]
     between = slice(ends[0], max(ends[1], ends[0]) + 1)
@@ -216,7 +216,7 @@ def _side(x: Float, y: Float, lines: Float, plate: Float, over: bool) -> Side | 
             continue
         cross = (line[OFFSET] - plate[OFFSET]) / (plate[SLOPE] - line[SLOPE])
         corner = np.array([cross, plate[SLOPE] * cross + plate[OFFSET]])
-        first, last = max(int(line[FIRST]), 0), int(line[LAST])
+        first, last = int(line[FIRST]), int(line[LAST])
         if math.hypot(x[first] - corner[0], y[first] - corner[1]) > NEAR_MM:
             break
         if not -ASIDE_OF_EDGE_MM < x[end] - cross < NEAR_MM:
@@ -387,7 +387,7 @@ def _followed(x: Float, y: Float, line: Float, last: int) -> tuple[int, Float]:
     """The last return that goes on a face's line without a jump, and the distances of all returns from the line."""
     off = (y - line[SLOPE] * x - line[OFFSET]) / math.hypot(1.0, line[SLOPE])
     way = np.hypot(np.diff(x), np.diff(y))
-    near = 4.0 * float(np.median(way[max(int(line[FIRST]), 0) : last])) if last > line[FIRST] + 1 else 0.3
+    near = 4.0 * float(np.median(way[int(line[FIRST]) : last]))
     at = last
     for k in range(last + 1, min(x.size, last + 40)):
         if math.hypot(x[k] - x[at], y[k] - y[at]) > near or abs(off[k]) > 0.5 * ON_MM:
@@ -431,7 +431,7 @@ def _hidden_fillet(x: Float, y: Float, above: Float, lines: Float, level: float,
 
 def _step(x: Float, y: Float, on: Int) -> float:
     near = on[-30:]
-    return float(np.median(np.hypot(np.diff(x[near]), np.diff(y[near])))) if near.size > 2 else 0.1
+    return float(np.median(np.hypot(np.diff(x[near]), np.diff(y[near]))))
 
 
 def _root_face(x: Float, y: Float, level: float, last: int) -> Int:

@@ -184,8 +184,11 @@ def _settled(s: Float, value: Float, noise: _Noise, told: _Told, sense: float) -
 
 
 def _cost(course: Course, cells: int) -> float:
-    """What its freedom costs a course through so many cells, by Schwarz's criterion with the cells' worth it takes."""
-    return 0.5 * course.spent * math.log(cells)
+    """What its freedom costs a course through so many cells: Schwarz's criterion with the cells' worth it takes.
+
+    Corrected where these are many of the cells: McQuarrie, Statistics & Probability Letters 44 (1999), 79.
+    """
+    return 0.5 * course.spent * math.log(cells) * cells / max(cells - course.spent - 2.0, 1.0)
 
 
 def _clean(off: Float, u: Float) -> Float:

@@ -14,17 +14,17 @@ def views_together(radius_mm: float, begin_mm: tuple[float, ...], corners: int) 
 
     So many frames of the second pass show the edge.
     """
-    radii = np.linspace(0.0, 0.4, 81)
+    radii = np.linspace(0.0, 0.4, 81)[:, None]  # under one incidence
     share, s = (
-        np.full(radii.size, 1.0 / radii.size),
+        np.full(radii.shape, 1.0 / radii.size),
         np.concatenate([at + np.linspace(0.0, 80.0, 200) for at in begin_mm]),
     )
     which = np.repeat(np.arange(len(begin_mm)), 200)
     hidden = np.where(which == 0, 0.5, 0.2)
     corner = (which == 1) & (np.arange(s.size) < 200 + corners)
     end_mm = 1.5 - np.where(corner, 0.0, hidden) * radius_mm + np.random.default_rng(3).normal(0.0, 0.005, s.size)
-    none, u = np.zeros(radii.size), np.full(radii.size, 0.002)
-    seen = {p: SeenEnd(none, (0.2 if p else 0.5) * radii, u, none[:, None]) for p in range(len(begin_mm))}
+    none, u, lean = np.zeros(radii.shape), np.full(radii.shape, 0.002), (0.7, 0.3, 0.3)
+    seen = {p: SeenEnd(none, (0.2 if p else 0.5) * radii, u, none[..., None], lean[p]) for p in range(len(begin_mm))}
     beyond, u = (np.where(corner, 0.0, of * hidden) for of in (radii.mean(), radii.std()))
     found = BrokenEnd(beyond, u, np.zeros(s.size), 0.1, 0.0, u, share, seen, np.zeros(s.size))
     return found.agreed(s, end_mm, which, corner)

@@ -18,6 +18,7 @@ from workbench.artefacts import BEVEL_FACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import hidden_columns_u
 from workbench.edge.end_templates import (
+    ALL_RETURN,
     ALONE,
     FILLS,
     FOOTPRINTS,
@@ -66,6 +67,7 @@ UNLIKELY = 1e-3  # share of templates that are not cut finer
 # are worn; and columns beside a corner.
 CUT_SPREAD, CUT_U, WORN, AROUND = 0.7, 0.015, 0.03, 8.0
 PROOF = 4.5  # log-likelihood over a sharp end from which a break is told by name
+ALIKE_RAD = 10.0 * DEG  # views that differ by so much hide other parts of a break
 ALIKE_MM, CELL_MM = 0.003, 4.0  # views of passes that differ by less count alike; of edge, in which they share places
 DARK_COLUMNS, SELDOM = np.arange(4, 24), 0.1  # beyond a face's end; share of them that return where no surface does
 
@@ -120,7 +122,7 @@ class BrokenEnd:
     size_mm: float  # radius of a rounding, height of a chamfer, where the edge is proven broken; else 0
     rim_mm: float  # of the face before its last return on the line, or its corner, along x, that is broken
     together_u_mm: Shaped[Float, " N"]  # `u_mm` where passes show the same edge, by what all of them see of its place
-    share: Shaped[Float, " t"]  # of the templates
+    share: Shaped[Float, "t i"]  # of the templates under each incidence
     seen: Mapping[int, SeenEnd]  # by pass
     own_mm: Shaped[Float, " N"]  # of `beyond_mm`, by how much more that is here than on average over the pass
 
@@ -140,8 +142,8 @@ class BrokenEnd:
 
         Source: eq. (12c) of docs/method.md.
         """
-        none = np.zeros(self.share.size)
-        nothing = SeenEnd(none, none, none, none[:, None])
+        none = np.zeros(self.share.shape)
+        nothing = SeenEnd(none, none, none, none[..., None], 0.0)
         views = [((pass_index == p) & ~is_corner, seen) for p, seen in self.seen.items()]
         views += [((pass_index == p) & is_corner, nothing) for p in np.unique(pass_index[is_corner])]
         end_mm = end_mm + self.own_mm
@@ -158,26 +160,45 @@ class BrokenEnd:
         shared = ends[:, np.isfinite(ends).all(axis=0)]
         off = shared - shared.mean(axis=0)
         place, noise = off.mean(axis=1)[:, None], off.var(axis=1, ddof=1)[:, None] / shared.shape[1]
-        at = place + np.array([seen.beyond for _, seen in views])
-        own = np.array([seen.beyond_u for _, seen in views]) ** 2
-        variance = own + noise + ALIKE_MM**2
-        weight = 1.0 / variance / (1.0 / variance).sum(axis=0)
+        at = place + np.array([seen.beyond.ravel() for _, seen in views])
+        spread = np.array([seen.beyond_u.ravel() for _, seen in views])
+        lean = np.array([seen.inclination for _, seen in views])
+        alike = np.exp(-np.abs(lean[:, None] - lean) / ALIKE_RAD)
+        alone = noise + ALIKE_MM**2
+        weight = 1.0 / (spread**2 + alone)
+        weight = weight / weight.sum(axis=0)
         edge = (weight * at).sum(axis=0)
-        apart = (weight * (at - edge) ** 2).sum(axis=0)
-        misfit = ((at - edge) ** 2 / variance + np.log(variance)).sum(axis=0) + np.log((1.0 / variance).sum(axis=0))
         with np.errstate(divide="ignore"):
-            log = np.log(self.share) - 0.5 * misfit
-        share = shares(log)
+            log = np.log(self.share.ravel())
+        one_edge, misfit = _one_edge_log(at, spread, alike, alone)
+        apart = misfit[(log + one_edge).argmax()] / (len(views) - 1)  # passes may lie farther apart: Birge's ratio
+        share = shares(log + _one_edge_log(at, spread, alike, alone * max(apart, 1.0))[0])
         mean = float(share @ edge)
-        unexplained = np.maximum(apart - CHANCE**2 * (weight * variance).sum(axis=0), 0.0)
-        left = (edge - mean) ** 2 + (weight**2 * own).sum(axis=0) + unexplained
+        off = (weight * (at - edge) ** 2).sum(axis=0)
+        unexplained = np.maximum(off - CHANCE**2 * (weight * (spread**2 + alone)).sum(axis=0), 0.0)
+        together = weight * spread
+        left = (edge - mean) ** 2 + (together * (alike @ together)).sum(axis=0) + unexplained
         beyond, u = self.beyond_mm.copy(), self.u_mm.copy()
         for (on, _), begin in zip(views, place[:, 0], strict=True):
             beyond[on], u[on] = mean - begin, math.sqrt(float(share @ left))
         for on, seen in apart_from_these:
-            beyond[on], u[on] = _moments(share, seen.beyond, seen.beyond_u)
+            beyond[on], u[on] = beyond_of(share, seen)
         beyond += self.own_mm
-        return replace(self, beyond_mm=beyond, together_u_mm=u, share=share)
+        return replace(self, beyond_mm=beyond, together_u_mm=u, share=share.reshape(self.share.shape))
+
+
+def _one_edge_log(at: Float, spread: Float, alike: Float, alone: Float) -> tuple[Float, Float]:
+    """Log-likelihoods (t,) of v views that see one edge at `at` (v, t), mm, wherever it is, and their misfits.
+
+    spread (v, t): standard deviations of what they do not see, correlated between views by alike (v, v); alone (v, 1):
+    variances of what each errs by itself.
+    """
+    covariance = spread.T[:, :, None] * spread.T[:, None, :] * alike + np.diag(alone[:, 0])
+    weight = np.linalg.inv(covariance)
+    total = weight.sum(axis=(1, 2))
+    pull = (weight @ at.T[..., None])[..., 0]
+    misfit = (at.T * pull).sum(axis=1) - pull.sum(axis=1) ** 2 / total
+    return -0.5 * (misfit + np.linalg.slogdet(covariance)[1] + np.log(total)), misfit
 
 
 def _beside(known: Bool) -> list[int]:
@@ -222,21 +243,23 @@ def broken_end(
     templates = end_templates(prior)
     seen, likelihood, share = _posterior(views, templates, corner)
     if seen:
-        templates = templates.finer(share > UNLIKELY, math.log(prior.most_mm / prior.least_mm) / (SIZES - 1))
+        templates = templates.finer(
+            share.sum(axis=1) > UNLIKELY, math.log(prior.most_mm / prior.least_mm) / (SIZES - 1)
+        )
         seen, likelihood, share = _posterior(views, templates, corner)
-    possible = np.isfinite(templates.log_prior[1:])
+    possible, of_size = np.isfinite(templates.log_prior[1:]), share.sum(axis=1)
     proven = bool(likelihood[1:][possible].max() - likelihood[0] > PROOF)
     rims = [0.0]
     for p, (view, shown), one in zip(numbers, looks, seen, strict=True):
         mine = here & (cloud.pass_index == p)
         mean, spread = beyond_of(share, one)
-        broken = float(share[templates.size_mm > 0.0].sum())
+        broken = float(of_size[templates.size_mm > 0.0].sum())
         unseen = max(mean / broken - view.further * view.step_mm, 0.0) if broken > 0.0 else 0.0
         own[mine] = broken * _own_break(cloud, rim, shown, unseen, np.flatnonzero(mine))
         beyond[mine], u[mine] = mean + own[mine], spread
-        deep = share @ one.fall > 3.0 * np.sqrt(np.diag(view.known.noise))
+        deep = np.tensordot(share, one.fall) > 3.0 * np.sqrt(np.diag(view.known.noise))
         rims.append(float(np.diff(view.edges_mm)[deep].sum()) * math.cos(view.inclination))
-    size, rim_mm = (float(share @ templates.size_mm), max(rims)) if proven and seen else (0.0, 0.0)
+    size, rim_mm = (float(of_size @ templates.size_mm), max(rims)) if proven and seen else (0.0, 0.0)
     if corner is not None:
         size, rim_mm = max(size, corner.radius_mm), max(rim_mm, corner.rim_mm)
     hidden = np.where(here, _hidden_end_u_mm(cloud, rim.face), 0.0)
@@ -246,11 +269,21 @@ def broken_end(
 def _posterior(
     views: Sequence[EndView], templates: EndTemplates, corner: LowerFillet | None
 ) -> tuple[list[SeenEnd], Float, Float]:
-    """The templates as all passes see them, their log-likelihoods (t,) and their shares (t,)."""
+    """The templates as all passes see them, their log-likelihoods (t,), and their shares under each incidence (t, i).
+
+    Passes are of one sensor: the greatest incidence that returns is the same in all of them.
+    """
     seen = [seen_end(view, templates) for view in views]
+    incidence = np.prod([INCIDENCE_PRIOR, *(_possible(view) for view in views)], axis=0)
     by_corner = np.zeros(templates.size_mm.size) if corner is None else _corner_log(templates, corner)
-    likelihood = np.sum([by_corner, *(one.log for one in seen)], axis=0)
-    return seen, likelihood, shares(templates.log_prior + likelihood)
+    log = np.sum([by_corner[:, None] + np.log(incidence / incidence.sum()), *(one.log for one in seen)], axis=0)
+    share = shares((templates.log_prior[:, None] + log).ravel())
+    return seen, np.logaddexp.reduce(log, axis=1), share.reshape(log.shape)
+
+
+def _possible(view: EndView) -> Float:
+    """Probability (i,) of what a pass shows, under each of INCIDENCES: its face returns."""
+    return np.asarray(view.incidences * np.clip(reaches(view.inclination), 1e-6, 1.0))
 
 
 class EndFrames(NamedTuple):
@@ -325,12 +358,9 @@ def weights(s: Float, u_mm: Float) -> Float:
     return out
 
 
-def beyond_of(share: Shaped[Float, " t"], seen: SeenEnd) -> tuple[float, float]:
+def beyond_of(share: Float, seen: SeenEnd) -> tuple[float, float]:
     """Virtual edge beyond the last return, mm, and its standard uncertainty, by the posterior over the templates."""
-    return _moments(share, seen.beyond, seen.beyond_u)
-
-
-def _moments(share: Float, value: Float, u: Float) -> tuple[float, float]:
+    share, value, u = share.ravel(), seen.beyond.ravel(), seen.beyond_u.ravel()
     mean = float(share @ value)
     return mean, math.sqrt(float(share @ ((value - mean) ** 2 + u**2)))
 
@@ -338,7 +368,7 @@ def _moments(share: Float, value: Float, u: Float) -> tuple[float, float]:
 def whole_end(frames: int) -> BrokenEnd:
     """The end of a face of which nothing is broken."""
     none = np.zeros(frames)
-    return BrokenEnd(none, none, none, 0.0, 0.0, none, np.ones(1), {}, none)
+    return BrokenEnd(none, none, none, 0.0, 0.0, none, np.ones((1, 1)), {}, none)
 
 
 def together_along(s: Float, doubt_mm: Float, at: Float, *values: Float | Bool) -> tuple[Float, ...]:
@@ -448,16 +478,15 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool, footprints: Float) -> tuple[En
 
 
 def _incidences(cloud: Cloud, rim: FaceRim, frames: Int, lean: float) -> Float:
-    """Shares (i,) of the greatest incidences that return: below that of the surface square to the face, which does not.
+    """Probability (i,), under each of INCIDENCES, that the surface square to the face does not return, as is seen.
 
     The face beside it ends in columns that are dark in these frames and live in others.
     """
     if rim.upper is None or rim.beside is None or (rim.upper.count[frames] > 2).mean() > SELDOM:
-        return INCIDENCE_PRIOR
+        return ALL_RETURN
     if not _ends_in_the_dark(cloud, rim.beside, rim.face, frames):
-        return INCIDENCE_PRIOR
-    share = INCIDENCE_PRIOR * (OTHERWISE + (1.0 - OTHERWISE) * (1.0 - reaches(0.5 * math.pi - lean)))
-    return np.asarray(share / share.sum())
+        return ALL_RETURN
+    return np.asarray(OTHERWISE + (1.0 - OTHERWISE) * (1.0 - reaches(0.5 * math.pi - lean)))
 
 
 def _ends_in_the_dark(cloud: Cloud, beside: FaceLines, face: FaceLines, frames: Int) -> bool:

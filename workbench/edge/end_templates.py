@@ -30,7 +30,7 @@ class EdgePrior(NamedTuple):
 # A milled edge that nothing was said of is as likely sharp as broken; one that a brush or a file went over has a size.
 PRIORS: dict[EdgeCondition, EdgePrior] = {
     "sharp": EdgePrior(0.5, 0.5, 0.0, 0.002, 0.02),
-    "deburred": EdgePrior(0.0, 0.9, 0.1, 0.03, 2.0),
+    "deburred": EdgePrior(0.0, 0.6, 0.4, 0.03, 2.0),
     "unknown": EdgePrior(0.5, 0.48, 0.02, 0.005, 2.0),
 }
 SIZES, TURNS = 24, np.radians(np.arange(15.0, 80.0, 10.0))  # templates: sizes of each kind, turns of chamfers
@@ -39,6 +39,7 @@ RARE_MM = 0.15  # breaks beyond this are the rarer, the larger
 STEP = math.radians(6.0)
 INCIDENCES = np.arange(math.radians(44.0), math.radians(89.0), STEP)
 INCIDENCE_PRIOR = np.where(np.radians(60.0) > INCIDENCES, 0.1 / 3.0, 0.9 / 5.0)
+ALL_RETURN = np.ones(INCIDENCES.size)
 OTHERWISE = 0.03  # probability that another surface returns nothing for another reason: a skin of scale, a mask
 QUARTER = 0.15  # of a depth: a rounding need be no quarter circle, a chamfer not flat
 FOOTPRINTS = np.array([0.0, 0.5, 0.75, 1.0, 1.5, 2.0, 2.6])  # columns that a pixel sees
@@ -128,7 +129,7 @@ class EndView(NamedTuple):
     footprints: Shaped[Float, " f"] = np.full(FOOTPRINTS.size, 1.0 / FOOTPRINTS.size)  # shares of FOOTPRINTS
     # from which on a pixel that the face fills in part returns it, and their shares
     fills: Shaped[Float, "m 2"] = np.stack([FILLS, ALONE], axis=1)[ALONE > 0.0]
-    incidences: Shaped[Float, " i"] = INCIDENCE_PRIOR  # shares of INCIDENCES
+    incidences: Shaped[Float, " i"] = ALL_RETURN  # how likely what the pass shows is under each of INCIDENCES
 
     @property
     def nearer(self) -> float:
@@ -155,26 +156,26 @@ def reaches(incidence: float) -> Float:
 
 
 class SeenEnd(NamedTuple):
-    """T templates as one pass sees them."""
+    """T templates as one pass sees them under each of INCIDENCES."""
 
-    log: Shaped[Float, " t"]  # log-likelihood of the depths
-    beyond: Shaped[Float, " t"]  # of the virtual edge from where the returns on the line end, mm: mean
-    beyond_u: Shaped[Float, " t"]  # and standard deviation, by what the sensor still returns
-    fall: Shaped[Float, "t g"]  # depth under the line by groups of columns, mm
+    log: Shaped[Float, "t i"]  # log-likelihood of the depths
+    beyond: Shaped[Float, "t i"]  # of the virtual edge from where the returns on the line end, mm: mean
+    beyond_u: Shaped[Float, "t i"]  # and standard deviation, by what the sensor still returns
+    fall: Shaped[Float, "t i g"]  # depth under the line by groups of columns, mm
+    inclination: float  # of the face to the rays' normal, rad
 
 
 def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
-    """Every template under every greatest incidence, place within the column and pixel, averaged over these three.
+    """Every template under every greatest incidence, on average over places within the column and pixels.
 
     And over how far the lower surface returns, where it does.
     """
     pixels, pixel_prior = view.pixels
     under = 0.5 * math.pi + view.inclination < INCIDENCES  # the lower surface returns
     onward = (ONWARD if under[-1] else ONWARD[:1]) * view.step_mm
-    kept = view.incidences * np.clip(reaches(view.inclination), 1e-6, 1.0)  # the face returns
-    log = np.full((templates.size_mm.size, under.size, onward.size), -np.inf)
-    log[:, under] = np.log(kept / kept.mean())[under, None]
-    log[:, ~under, 0] = np.log(kept / kept.mean())[~under] + math.log(onward.size)
+    log = np.zeros((templates.size_mm.size, under.size, onward.size))
+    log[:, ~under, 0] = math.log(onward.size)
+    log[:, ~under, 1:] = -np.inf
     size, turn = templates.size_mm[:, None, None], templates.turn[:, None, None]
     shown = _shown_mm(view, size, turn, INCIDENCES[:, None]) + onward
     # Where nothing of a break is seen, returns are those of a sharp end in the same place.
@@ -190,14 +191,15 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     beyond_u = np.hypot(
         np.where(goes_on, QUARTER * (size - shown), view.usually_further * view.step_mm), one.past_u[look]
     )
-    most = log.max(axis=(1, 2), keepdims=True)
+    most = log.max(axis=2, keepdims=True)
     weight = np.exp(log - most)
-    total = weight.sum(axis=(1, 2), keepdims=True)
+    total = weight.sum(axis=2, keepdims=True)
     weight /= total
-    mean = (weight * beyond).sum(axis=(1, 2))
-    spread = np.sqrt((weight * ((beyond - mean[:, None, None]) ** 2 + beyond_u**2)).sum(axis=(1, 2)))
-    evidence = (most + np.log(total / (under.size * onward.size)))[:, 0, 0]
-    return SeenEnd(evidence, mean, spread, np.einsum("tio,tiog->tg", weight, one.fall[look]))
+    mean = (weight * beyond).sum(axis=2)
+    spread = np.sqrt((weight * ((beyond - mean[..., None]) ** 2 + beyond_u**2)).sum(axis=2))
+    evidence = (most + np.log(total / onward.size))[..., 0]
+    fall = np.einsum("tio,tiog->tig", weight, one.fall[look])
+    return SeenEnd(evidence, mean, spread, fall, view.inclination)
 
 
 class _Looked(NamedTuple):

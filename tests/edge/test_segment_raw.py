@@ -166,3 +166,15 @@ def test_what_only_the_lower_end_tells_is_said(scanned: Scans, sampling: str) ->
     edge = segment_raw(scan.cloud, upper_side=UP)
     told = [words for words in edge.warnings if "told only by what joins the lower end" in words]
     assert len(told) == (sampling == "lateral")
+
+
+@pytest.mark.parametrize("thickness_mm", [1.2, 1.8])
+def test_thin_sheet_is_measured(scanned: Scans, thickness_mm: float) -> None:
+    """Refused below 2 mm."""
+    scan = scanned(part=RAW | {"thickness_mm": thickness_mm}, passes=[ABOVE])
+    edge = found(scan)
+    assert edge.seen.mean() > 0.9
+    off = np.stack(off_true(scan, edge), axis=1)
+    u = np.column_stack([edge.position_u_mm, edge.normal_u / DEG])[edge.seen]
+    assert (np.abs(off) < 3.0 * u).all()
+    assert (np.median(u, axis=0) < [0.1, 0.1, 0.5]).all()

@@ -68,7 +68,7 @@ def face_directions(cloud: Cloud, upper_side: Sequence[float], z_away: bool | No
     if not np.isfinite(turn).any():
         raise InputError(
             cloud.source,
-            "no raw edge in view: expected an end face of 2 mm or more that runs along "
+            "no raw edge in view: expected an end face of 1 mm or more that runs along "
             f"upper_side {_text(upper_side)} within 30 deg",
         )
     c, s = np.cos(turn), np.sin(turn)

@@ -26,13 +26,14 @@ LEVELS = 5  # that one face may spread over
 STEP_MM = 3.0  # along the face without a return, at most
 ASIDE_POINTS = 10  # off the face between two of its own: more belong to something else, and the face has ended
 JUMP_MM = 0.6  # across it between neighbouring returns, at most
-LEAST_WIDTH_MM = 2.0
+LEAST_WIDTH_MM = 1.0
 LEAST_POINTS = 8
 GATES_MM = (0.8, 0.6, 0.6)  # about the face's line while it settles
 STREAK = 0.5  # times what the line leaves, that most points leave of theirs: the others are a streak, not roughness
 SCALE_POINTS = 128  # and up to twice as many, of its points, that tell how most of them lie
 FINAL_LEAST_MM, FINAL_MOST_MM = 0.08, 0.6
-MARGIN_MM = 0.5  # of the face at its ends that is left out: burrs, and the corner's own points
+# Of the face at its ends that is left out, and of its width: burrs, and the corner's own points.
+MARGIN_MM, MARGIN = 0.5, 0.25
 SURFACE_FROM_MM, SURFACE_TO_MM = 0.6, 8.0  # depth behind the face at which its surfaces are measured
 SURFACE_NEAR_MM = 2.5  # a surface that joins the face is seen within this depth
 SURFACE_SLACK, SURFACE_LEAN = 0.8, 0.15  # mm, and mm per mm of depth, that a surface may be off the square
@@ -107,9 +108,11 @@ def _settle(p: Float, q: Float, n: int, level: float, leave: bool) -> tuple[floa
         first, last = _block(p, q, n, a, b, gate)
         if last < 0:
             return a, b, 0, -1, gate, left
-        low, high = min(p[first], p[last]) + MARGIN_MM, max(p[first], p[last]) - MARGIN_MM
-        if high - low < LEAST_WIDTH_MM - 2.0 * MARGIN_MM:
+        low, high = min(p[first], p[last]), max(p[first], p[last])
+        if high - low < LEAST_WIDTH_MM:
             return a, b, 0, -1, gate, left
+        margin = min(MARGIN_MM, MARGIN * (high - low))
+        low, high = low + margin, high - margin
         m, sp, sq, spp, spq, sqq = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(first, last + 1):
             r, u = q[k] - a - b * p[k], p[k] - low
@@ -387,6 +390,7 @@ def _read_frame(
     inward = sense * np.sign(gx)
     low_end, high_end = (first, last) if rising > 0 else (last, first)
     low, high = p[low_end], p[high_end]
+    margin = min(MARGIN_MM, MARGIN * (high - low))
     for k in range(n):
         depth[k] = inward * (q[k] - a - b * p[k])
         chosen[k] = first <= k <= last and abs(depth[k]) <= gate
@@ -394,7 +398,7 @@ def _read_frame(
     _spread_out(p, chosen, n, work[3])
     _sum_up(x, z, at, chosen, n, work[3], sums[WHOLE])
     for k in range(n):
-        chosen[k] = chosen[k] and low + MARGIN_MM <= p[k] <= high - MARGIN_MM
+        chosen[k] = chosen[k] and low + margin <= p[k] <= high - margin
     work[3, :n] = 1.0
     _sum_up(x, z, at, chosen, n, work[3], sums[FACE])
     if sums[FACE, COUNT] < LEAST_POINTS:

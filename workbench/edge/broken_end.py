@@ -269,21 +269,17 @@ def broken_end(
 def _posterior(
     views: Sequence[EndView], templates: EndTemplates, corner: LowerFillet | None
 ) -> tuple[list[SeenEnd], Float, Float]:
-    """The templates as all passes see them, their log-likelihoods (t,), and their shares under each incidence (t, i).
-
-    Passes are of one sensor: the greatest incidence that returns is the same in all of them.
-    """
+    """The templates as all passes see them, their log-likelihoods (t,), and their shares by incidence (t, i)."""
     seen = [seen_end(view, templates) for view in views]
-    incidence = np.prod([INCIDENCE_PRIOR, *(_possible(view) for view in views)], axis=0)
     by_corner = np.zeros(templates.size_mm.size) if corner is None else _corner_log(templates, corner)
-    log = np.sum([by_corner[:, None] + np.log(incidence / incidence.sum()), *(one.log for one in seen)], axis=0)
+    log = by_corner[:, None] + together_log(seen)
     share = shares((templates.log_prior[:, None] + log).ravel())
     return seen, np.logaddexp.reduce(log, axis=1), share.reshape(log.shape)
 
 
-def _possible(view: EndView) -> Float:
-    """Probability (i,) of what a pass shows, under each of INCIDENCES: its face returns."""
-    return np.asarray(view.incidences * np.clip(reaches(view.inclination), 1e-6, 1.0))
+def together_log(seen: Sequence[SeenEnd]) -> Float:
+    """Log-likelihoods (t, i), but for a constant, of what all passes show: of one sensor, with one incidence."""
+    return np.log(INCIDENCE_PRIOR) + sum(one.log for one in seen)
 
 
 class EndFrames(NamedTuple):

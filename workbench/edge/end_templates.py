@@ -158,7 +158,7 @@ def reaches(incidence: float) -> Float:
 class SeenEnd(NamedTuple):
     """T templates as one pass sees them under each of INCIDENCES."""
 
-    log: Shaped[Float, "t i"]  # log-likelihood of the depths
+    log: Shaped[Float, "t i"]  # log-likelihood of all that the pass shows
     beyond: Shaped[Float, "t i"]  # of the virtual edge from where the returns on the line end, mm: mean
     beyond_u: Shaped[Float, "t i"]  # and standard deviation, by what the sensor still returns
     fall: Shaped[Float, "t i g"]  # depth under the line by groups of columns, mm
@@ -198,6 +198,7 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     mean = (weight * beyond).sum(axis=2)
     spread = np.sqrt((weight * ((beyond - mean[..., None]) ** 2 + beyond_u**2)).sum(axis=2))
     evidence = (most + np.log(total / onward.size))[..., 0]
+    evidence += np.log(view.incidences * np.clip(reaches(view.inclination), 1e-6, 1.0))  # the face returns
     fall = np.einsum("tio,tiog->tig", weight, one.fall[look])
     return SeenEnd(evidence, mean, spread, fall, view.inclination)
 

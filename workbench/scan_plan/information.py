@@ -17,7 +17,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.edge.broken_end import DEEP_MM, DEPTH_U_MM, SAMPLE_FRAMES, UNLIKELY, beyond_of, end_groups, weights
+from workbench.edge.broken_end import (
+    DEEP_MM,
+    DEPTH_U_MM,
+    SAMPLE_FRAMES,
+    UNLIKELY,
+    beyond_of,
+    end_groups,
+    together_log,
+    weights,
+)
 from workbench.edge.end_templates import (
     PRIORS,
     SIZES,
@@ -431,12 +440,12 @@ def _hidden_u_mm(known: Knowledge, passes: Sequence[PassInformation]) -> Float:
     blind = [k for k, one in enumerate(passes) if one.seen]
     if not blind:
         return out
-    prior = _templates(known.edge_condition).log_prior
+    prior = _templates(known.edge_condition).log_prior[:, None]
     for number in range(len(out)):
         seen = [passes[k].seen[number] for k in blind]
-        log = prior + np.sum([one.log for one in seen], axis=0)
+        log = prior + together_log(seen)
         share = np.exp(log - log.max())
-        share[share < EVERY * UNLIKELY * share.sum()] = 0.0  # as the engine cuts its templates finer
+        share[share.sum(axis=1) < EVERY * UNLIKELY * share.sum()] = 0.0  # as the engine cuts its templates finer
         share /= share.sum()
         for k, one in zip(blind, seen, strict=True):
             out[number, k] = beyond_of(share, one)[1]

@@ -16,6 +16,13 @@ SEEDS = range(6)
 def drawn(seed: int, shared: Process, noise: float = 0.005) -> Float:
     """A slow wave, a draw of the process on its own grid, and noise."""
     rng = np.random.default_rng(seed)
+    if shared.jerks:
+        alike = np.exp(-(S[1] - S[0]) / shared.length_mm)
+        process, steps = np.empty(S.size), rng.normal(size=S.size)
+        process[0] = steps[0]
+        for k in range(1, S.size):
+            process[k] = alike * process[k - 1] + np.sqrt(1.0 - alike**2) * steps[k]
+        return np.asarray(0.2 * np.sin(S / 25.0) + shared.strength * process + rng.normal(0.0, noise, S.size))
     grid = np.arange(-4.0 * shared.length_mm, 90.0 + 4.0 * shared.length_mm, 0.1 * min(shared.length_mm, 5.0))
     kernel = np.exp(-(((S[:, None] - grid) / shared.length_mm) ** 2))  # its square integrates to that correlation
     process = kernel @ rng.normal(size=grid.size) / np.sqrt((kernel[150] ** 2).sum())
@@ -26,9 +33,9 @@ def course(y: Float, *shared: Process) -> Course:
     return fit_course(S, y, orders=(2, 3), shared=Shared(processes=shared, may_step=True))
 
 
-@pytest.mark.parametrize("length_mm", [1.0, 15.0])
-def test_place_and_slope_are_as_uncertain_as_they_err(length_mm: float) -> None:
-    shared, at = Process(0.03, length_mm), np.linspace(2.0, 88.0, 15)
+@pytest.mark.parametrize(("length_mm", "jerks"), [(1.0, False), (15.0, False), (50.0, True)])
+def test_place_and_slope_are_as_uncertain_as_they_err(length_mm: float, jerks: bool) -> None:
+    shared, at = Process(0.03, length_mm, jerks=jerks), np.linspace(2.0, 88.0, 15)
     off = []
     for seed in SEEDS:
         found = course(drawn(seed, shared), shared)
@@ -58,6 +65,13 @@ def costs(y: Float, *shared: Process) -> Float:
     off = [found.value(at) - 0.2 * np.sin(at / 25.0), found.slope(at) - 0.2 / 25.0 * np.cos(at / 25.0)]
     u = np.array([found.u(at), found.slope_u(at)])
     return np.asarray((4.0 * u + 40.0 * np.maximum(np.abs(off) - 2.0 * u, 0.0)).mean(axis=1))
+
+
+@pytest.mark.parametrize(("length_mm", "jerks"), [(12.0, False), (50.0, True)])
+def test_values_tell_whether_a_process_jerks(length_mm: float, jerks: bool) -> None:
+    possible = [Process(0.03, length_mm, jerks=one) for one in (False, True)]
+    told = [processes_told(S, drawn(seed, possible[jerks]), ONE_PASS, possible) for seed in SEEDS]
+    assert np.mean([sum(one.share for one in each if one.jerks == jerks) for each in told]) > 0.9
 
 
 @pytest.mark.parametrize("length_mm", [1.5, 24.0])

@@ -53,6 +53,7 @@ COVERS, CELL_MM = 0.9, 5.0  # share of the edge that corners must show, by stret
 SAMPLE_FRAMES = 60
 # Errors of a robot's recorded positions, all alike likely before the frames are looked at: as robots have them.
 STRENGTHS_MM, LENGTHS_MM = (0.005, 0.012, 0.03, 0.07), (1.5, 3.0, 6.0, 12.0, 24.0, 48.0)
+LONG = 3  # so many of them may jerk: shorter ones look alike, jerking or not
 ALONG_MM = 0.5  # between places at which the reference curve's bend along m is summed up
 
 
@@ -140,7 +141,9 @@ class Robot(NamedTuple):
         """What frames share: as declared, else by how the end faces (N,) of frames at s (N,) stand out, mm."""
         strengths = STRENGTHS_MM if self.noise_mm is None else (self.noise_mm,)
         lengths = LENGTHS_MM if self.length_mm is None else (self.length_mm,)
-        possible = [Process(strength, length) for strength in strengths for length in lengths]
+        smooth = [Process(strength, length) for strength in strengths for length in lengths]
+        jerky = [one._replace(jerks=True) for one in smooth if one.length_mm in lengths[-LONG:]]
+        possible = [*smooth, *jerky]
         return Shared(None, processes_told(s, stand_out, pass_index, possible), may_step=True)
 
 

@@ -17,7 +17,8 @@ LEAST = 1e-3  # of a process is each value's own: values without noise leave no 
 class Process(NamedTuple):
     """A stationary Gaussian process of the arc length, each pass its own: correlation exp(-(d / length)^2 / 2).
 
-    What is not `by_pass` is the part's own, and all passes have it.
+    What is not `by_pass` is the part's own, and all passes have it. One of `jerks` has the correlation exp(-d / length)
+    (Uhlenbeck and Ornstein, Phys. Rev. 36 (1930), 823).
 
     Example:
         >>> shared = Process(0.05, 10.0).covariance(np.array([0.0, 10.0]), np.zeros(2), np.zeros(2, int))
@@ -29,11 +30,16 @@ class Process(NamedTuple):
     length_mm: float
     share: float = 1.0  # of what is held possible
     by_pass: bool = True
+    jerks: bool = False
 
     def covariance(self, s: Float, spread: Float, group: Int) -> Float:
         """Covariance (b, b) of means over values that lie about s (b,) by `spread` (b,), mm, in passes (b,)."""
-        wide = self.length_mm**2 + spread[:, None] ** 2 + spread**2
-        alike = self.length_mm / np.sqrt(wide) * np.exp(-0.5 * (s[:, None] - s) ** 2 / wide)
+        off, wide = s[:, None] - s, spread[:, None] ** 2 + spread**2
+        if self.jerks:
+            alike = np.exp(-np.hypot(off, np.sqrt(2.0 / math.pi * wide)) / self.length_mm)
+        else:
+            wide = wide + self.length_mm**2
+            alike = self.length_mm / np.sqrt(wide) * np.exp(-0.5 * off**2 / wide)
         mine = group[:, None] == group if self.by_pass else True
         return np.asarray(np.where(mine, self.strength**2 * alike, 0.0))
 
@@ -48,11 +54,14 @@ class Process(NamedTuple):
         >>> round(Process(0.05, 10.0).slope_u(1e-3), 6), round(Process(0.05, 1e-3).slope_u(20.0), 6)
         (0.005, 0.003536)
         """
-        return self.strength * math.sqrt(-2.0 * math.expm1(-0.5 * (over_mm / self.length_mm) ** 2)) / over_mm
+        lengths = over_mm / self.length_mm
+        return self.strength * math.sqrt(-2.0 * math.expm1(-lengths if self.jerks else -0.5 * lengths**2)) / over_mm
 
     def density(self, wave_mm: float) -> float:
         """Of waves of this length: the variance that they have a wave number, times 2 pi; unit squared times mm."""
         waves = 2.0 * math.pi * self.length_mm / wave_mm
+        if self.jerks:
+            return 2.0 * self.strength**2 * self.length_mm / (1.0 + waves**2)
         return self.strength**2 * math.sqrt(2.0 * math.pi) * self.length_mm * math.exp(-0.5 * waves**2)
 
 

@@ -193,6 +193,8 @@ def best_direction(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, ang
         if last < 0:
             return
         best += math.atan(b)
+        if not angles[0] <= best <= angles[-1]:
+            return  # another surface, which stands across
     out[0], out[1] = best, abs(p[last] - p[first])
     for k in range(n):
         end = first if k < first else last

@@ -8,8 +8,10 @@ from typing import TypeVar
 import numpy as np
 
 from workbench.artefacts import Cloud, Joint
+from workbench.geometry.blocks import evenly
 from workbench.units import Float, Int
 
+STATIONS = 200  # of a joint, evenly, that tell
 COLUMNS, NOISES = 2.0, 3.0  # within which a corner is seen: the last column on a face may return nothing
 J = TypeVar("J", bound=Joint)
 
@@ -28,11 +30,12 @@ def name_extrapolated(joint: J, cloud: Cloud, noise_mm: float) -> J:
         True
     """
     seen = np.flatnonzero(np.isfinite(joint.frame_arc_length_mm))
-    frame = seen[np.abs(joint.frame_arc_length_mm[seen] - joint.arc_length_mm[:, None]).argmin(axis=1)]
+    some = evenly(joint.arc_length_mm.size, STATIONS)
+    frame = seen[np.abs(joint.frame_arc_length_mm[seen] - joint.arc_length_mm[some, None]).argmin(axis=1)]
     warnings = list(joint.warnings)
     for name, corner in joint.corners.items():
-        a, b = corner.section_mm.T[:, :, None]
-        place = joint.origin_mm + a * joint.normal + b * joint.across
+        a, b = corner.section_mm[some].T[:, :, None]
+        place = joint.origin_mm[some] + a * joint.normal[some] + b * joint.across[some]
         away = [_nearest(cloud, k, one) for k, one in zip(frame, place, strict=True) if np.isfinite(one).all()]
         if not away:
             continue

@@ -166,18 +166,21 @@ class BrokenEnd:
         alike = np.exp(-np.abs(lean[:, None] - lean) / ALIKE_RAD)
         alone = noise + ALIKE_MM**2
         weight = 1.0 / (spread**2 + alone)
-        weight = weight / weight.sum(axis=0)
+        weight /= weight.sum(axis=0)
         edge = (weight * at).sum(axis=0)
         with np.errstate(divide="ignore"):
             log = np.log(self.share.ravel())
         one_edge, misfit = _one_edge_log(at, spread, alike, alone)
-        apart = misfit[(log + one_edge).argmax()] / (len(views) - 1)  # passes may lie farther apart: Birge's ratio
-        share = shares(log + _one_edge_log(at, spread, alike, alone * max(apart, 1.0))[0])
+        birge = float(misfit[(log + one_edge).argmax()]) / (len(views) - 1)  # passes may lie farther apart
+        if birge > 1.0:
+            one_edge, _ = _one_edge_log(at, spread, alike, alone * birge)
+        share = shares(log + one_edge)
         mean = float(share @ edge)
-        off = (weight * (at - edge) ** 2).sum(axis=0)
-        unexplained = np.maximum(off - CHANCE**2 * (weight * (spread**2 + alone)).sum(axis=0), 0.0)
         together = weight * spread
-        left = (edge - mean) ** 2 + (together * (alike @ together)).sum(axis=0) + unexplained
+        common = (together * (alike @ together)).sum(axis=0)
+        apart = (weight * (at - edge) ** 2).sum(axis=0)
+        explained = (weight * (1.0 - weight) * alone + together * spread).sum(axis=0) - common
+        left = (edge - mean) ** 2 + common + np.maximum(apart - CHANCE**2 * explained, 0.0)
         beyond, u = self.beyond_mm.copy(), self.u_mm.copy()
         for (on, _), begin in zip(views, place[:, 0], strict=True):
             beyond[on], u[on] = mean - begin, math.sqrt(float(share @ left))

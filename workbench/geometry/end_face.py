@@ -96,6 +96,12 @@ def _block(p: Float, q: Float, n: int, a: float, b: float, gate: float) -> tuple
 
 
 @kernel
+def _left_out(width: float) -> float:
+    """Of a face so wide, at each end, mm."""
+    return min(MARGIN_MM, MARGIN * width)
+
+
+@kernel
 def _settle(p: Float, q: Float, n: int, level: float, leave: bool) -> tuple[float, float, int, int, float, bool]:
     """The face's line q = a + b p, its first and last point, the gate (mm) about it, and whether a streak was left out.
 
@@ -111,7 +117,7 @@ def _settle(p: Float, q: Float, n: int, level: float, leave: bool) -> tuple[floa
         low, high = min(p[first], p[last]), max(p[first], p[last])
         if high - low < LEAST_WIDTH_MM:
             return a, b, 0, -1, gate, left
-        margin = min(MARGIN_MM, MARGIN * (high - low))
+        margin = _left_out(high - low)
         low, high = low + margin, high - margin
         m, sp, sq, spp, spq, sqq = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(first, last + 1):
@@ -392,7 +398,7 @@ def _read_frame(
     inward = sense * np.sign(gx)
     low_end, high_end = (first, last) if rising > 0 else (last, first)
     low, high = p[low_end], p[high_end]
-    margin = min(MARGIN_MM, MARGIN * (high - low))
+    margin = _left_out(high - low)
     for k in range(n):
         depth[k] = inward * (q[k] - a - b * p[k])
         chosen[k] = first <= k <= last and abs(depth[k]) <= gate

@@ -35,7 +35,7 @@ class Process(NamedTuple):
     def covariance(self, s: Float, spread: Float, group: Int) -> Float:
         """Covariance (b, b) of means over values that lie about s (b,) by `spread` (b,), mm, in passes (b,)."""
         off, wide = s[:, None] - s, spread[:, None] ** 2 + spread**2
-        if self.jerks:
+        if self.jerks:  # values of two bins lie so far apart on average, however near the bins
             alike = np.exp(-np.hypot(off, np.sqrt(2.0 / math.pi * wide)) / self.length_mm)
         else:
             wide = wide + self.length_mm**2

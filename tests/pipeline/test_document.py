@@ -1,5 +1,6 @@
 """The document: strict JSON, its own form, and what `${name}` becomes."""
 
+import gzip
 from pathlib import Path
 
 import pytest
@@ -21,7 +22,14 @@ GOOD = b'{"version": 1, "stages": [{"stage": "a.b"}]}'
         (b'{"version": 1, "stages": [{"stage": "a.b", "x": NaN}]}', "stages[0].x: NaN is not JSON"),
         (b'{"version": 1, "stages": [{"stage": "a.b", "x": 1e999}]}', "stages[0].x: expected a finite number"),
         (b'{"version": 1, "inputs": {"a": ' + b"9" * 5000 + b"}}", "too many digits"),
+        (b'{"version": 1E+99999999999999}', "version: expected a finite number"),
+        (b'{"version": -Infinity}', "version: -Infinity is not JSON"),
+        (b'{"version": "\xed\xa0\x80"}', "is not UTF-8"),
+        ('{"version": 1}'.encode("utf-16"), "is not UTF-8"),
+        (gzip.compress(b'{"version": 1}'), "is not UTF-8"),
+        (bytes(1000), "line 1, column 1"),
         (b"[" * 50 + b"]" * 50, "nested deeper than 32"),
+        (b'{"a":' * 100_000 + b"1" + b"}" * 100_000, "nested deeper than 32"),
         (b"[" * 100_000 + b"]" * 100_000, "nested deeper than 32"),
         (b"[]", '{"version": 1, "stages": [...]}, got an array'),
         (b'{"version": 1, "stages": [],}', "column 29: a comma too many"),

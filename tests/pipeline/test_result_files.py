@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from tests.conftest import inspection
 from tests.made import files_of
-from workbench.artefacts import Check, EdgeProfile, Inspection, Part, Requirements, Section
+from workbench.artefacts import Check, Inspection, Part
 from workbench.cli import main
 from workbench.errors import InputError
 from workbench.result_files import RESULT_FILES, HandEyeFile, InspectionFile, ResultFile, result_schema
@@ -19,24 +20,8 @@ from workbench.result_files import RESULT_FILES, HandEyeFile, InspectionFile, Re
 
 @pytest.fixture
 def a_result() -> Inspection:
-    """A measured section, a hidden one, and NaN in the profile."""
-    x, y, z = np.eye(3)
-    seen = Section(1, 2.5, np.zeros(3), x, y, z, 1.5, 0.004, 40.1, 0.02, "pass", "", np.arange(3))
-    hidden = Section(2, 7.5, 5 * x, x, y, z, None, None, None, None, "undecided", "hidden", np.arange(0))
-    values = np.array([1.5, np.nan])
-    profile = EdgeProfile(np.array([0.0, 10.0]), np.array([[0, 0, 0], [10.0, 0, 0]]), values, values, values, values)
     checks = (Check("obliquity_deg", 3.0, (0.0, 20.0), True, "why"),)
-    return Inspection(
-        (seen, hidden),
-        profile,
-        Requirements(),
-        1.645,
-        "undecided",
-        "hidden",
-        "whole edge",
-        part=Part(part_id="A-7"),
-        checks=checks,
-    )
+    return replace(inspection(1.5, False), part=Part(part_id="A-7"), checks=checks)
 
 
 @pytest.mark.parametrize("name", RESULT_FILES)

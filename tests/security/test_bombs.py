@@ -1,6 +1,5 @@
 """Small files that would grow without end, or lead out of themselves: one line, little work, nothing written."""
 
-import gzip
 import json
 import os
 import resource
@@ -35,23 +34,7 @@ def refused(pipeline_file, command, tmp_path):
     return run
 
 
-DEEP = {"arrays": "[" * 100_000 + "]" * 100_000, "objects": '{"a":' * 100_000 + "1" + "}" * 100_000}
-JSON = {
-    **DEEP,
-    "a million digits": '{"version": ' + "9" * 1_000_000 + "}",
-    "beyond float64": '{"version": 1e999, "format": 1e999}',
-    "a huge exponent": '{"version": 1E+99999999999999, "format": 1}',
-    "NaN": '{"version": NaN, "format": NaN}',
-    "infinite": '{"version": -Infinity, "format": 1}',
-    "a key twice": '{"version": 1, "version": 1, "format": "a", "format": "b"}',
-    "a list": "[]",
-    "a text": '"' + "a" * 100_000 + '"',
-    "nothing": "",
-    "UTF-16": '{"version": 1}'.encode("utf-16"),
-    "half a surrogate": b'{"version": "\xed\xa0\x80"}',
-    "zero bytes": b"\0" * 1000,
-    "gzip": gzip.compress(b'{"version": 1}'),
-}
+JSON = {"arrays": b"[" * 100_000 + b"]" * 100_000, "zero bytes": bytes(1000)}
 READERS = {
     "toolpath": ({"stage": "path.read", "toolpath": "${file}"},),
     "cell": ({"stage": "robot.cell", "cell": "${file}"},),
@@ -61,21 +44,11 @@ READERS = {
 
 
 @pytest.mark.parametrize("reader", READERS)
-@pytest.mark.parametrize("name", ["arrays", "zero bytes"])
-def test_json(reader, name, refused, tmp_path):
-    """`test_json_as_a_pipeline` has them all: one parser reads every file."""
-    content, file = JSON[name], tmp_path / "file.json"
-    file.write_bytes(content if isinstance(content, bytes) else content.encode())
-    refused(READERS[reader], file, "file.json")
-
-
 @pytest.mark.parametrize("content", JSON.values(), ids=JSON)
-def test_json_as_a_pipeline(content, command, tmp_path):
-    file = tmp_path / "file.json"
-    file.write_bytes(content if isinstance(content, bytes) else content.encode())
-    for action in (("run", file, "--out", tmp_path / "out"), ("validate", file)):
-        assert_refused(command(*action), "file.json")
-    assert not (tmp_path / "out").exists()
+def test_json(reader, content, refused, tmp_path):
+    """tests/pipeline/test_document.py has them all: one parser reads every file."""
+    (tmp_path / "file.json").write_bytes(content)
+    refused(READERS[reader], tmp_path / "file.json", "file.json")
 
 
 LAUGHS = "".join(f'<!ENTITY l{i} "{f"&l{i - 1};" * 10 if i else "ha" * 100}">' for i in range(12))
@@ -116,48 +89,7 @@ def test_files_that_a_cell_names_are_files(named, refused, tmp_path):
     refused(READERS["cell"], tmp_path / "cell.json")
 
 
-def external_link(file, path, secret):
-    del file[path]
-    file[path] = h5py.ExternalLink(str(secret), "/profiles/time")
-
-
-def external_link_of_a_group(file, path, secret):
-    group = path.rpartition("/")[0]
-    del file[group]
-    file[group] = h5py.ExternalLink(str(secret), group)
-
-
-def soft_link_in_a_circle(file, path, secret):
-    del file[path]
-    file[path] = h5py.SoftLink(path)
-
-
-def soft_link_into_an_external_one(file, path, secret):
-    del file[path]
-    file["/out"] = h5py.ExternalLink(str(secret), "/profiles")
-    file[path] = h5py.SoftLink("/out/time")
-
-
-def virtual(file, path, secret):
-    shape = file[path].shape
-    del file[path]
-    layout = h5py.VirtualLayout(shape=shape, dtype="f4")
-    layout[...] = h5py.VirtualSource(str(secret), "/profiles/x", shape=shape)
-    file.create_virtual_dataset(path, layout)
-
-
-def external_storage(file, path, secret):
-    shape = file[path].shape
-    del file[path]
-    file.create_dataset(path, shape, "f4", external=[("/etc/passwd", 0, h5py.h5f.UNLIMITED)])
-
-
-def declared_not_stored(file, path, secret):
-    del file[path]
-    file.create_dataset(path, (10**9, 1000), "f4", chunks=(1000, 1000))
-
-
-def packed_bomb(file, path, secret):
+def packed_bomb(file, path):
     """A gigabyte of zeros in a megabyte of gzip."""
     del file[path]
     file.create_dataset(path, (2**18, 2**10), "f4", chunks=(2**12, 2**10), compression="gzip", compression_opts=9)
@@ -167,37 +99,25 @@ def packed_bomb(file, path, secret):
         file[path].id.write_direct_chunk((row, 0), packed)
 
 
-def chunk_of_another_size(file, path, secret):
+def chunk_of_another_size(file, path):
     shape = file[path].shape
     del file[path]
     file.create_dataset(path, shape, "f4", chunks=shape, compression="gzip")
     file[path].id.write_direct_chunk((0,) * len(shape), zlib.compress(bytes(2**27), 9))
 
 
-def an_object_reference(file, path, secret):
+def an_object_reference(file, path):
     del file[path]
     file.create_dataset(path, (3,), h5py.ref_dtype)
 
 
-def a_python_pickle(file, path, secret):
+def a_python_pickle(file, path):
     """What PyTables stores for objects: a text of bytes that it would unpickle."""
     del file[path]
     file[path] = np.void(b"cos\nsystem\n(S'touch owned'\ntR.")
 
 
-HDF5 = [
-    external_link,
-    external_link_of_a_group,
-    soft_link_in_a_circle,
-    soft_link_into_an_external_one,
-    virtual,
-    external_storage,
-    declared_not_stored,
-    packed_bomb,
-    chunk_of_another_size,
-    an_object_reference,
-    a_python_pickle,
-]
+HDF5 = [packed_bomb, chunk_of_another_size, an_object_reference, a_python_pickle]  # links: tests/scan/test_read.py
 
 
 @pytest.mark.parametrize("damage", HDF5, ids=lambda f: f.__name__)
@@ -206,12 +126,12 @@ def test_hdf5(damage, path, refused, part_file, tmp_path):
     file = tmp_path / "part.h5"
     file.write_bytes(part_file("milled").read_bytes())
     with h5py.File(file, "r+") as opened:
-        damage(opened, path, part_file("milled"))
+        damage(opened, path)
     outcome = refused(READ, file, "part.h5")
     assert "root:" not in outcome.err
 
 
-@pytest.mark.parametrize("value", [np.inf, -np.inf, 1e300, 3e38, 1e12])
+@pytest.mark.parametrize("value", [1e300, 1e12])
 @pytest.mark.parametrize("path", ["/robot/position", "/profiles/x", "/profiles/time", "/robot/time"])
 def test_numbers_that_no_part_has(value, path, pipeline_file, command, part_file, tmp_path):
     """Refused in a line, or carried to a verdict; never a traceback, and never a NaN in a result."""

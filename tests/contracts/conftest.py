@@ -18,7 +18,7 @@ from workbench.pipeline.catalogue import every_stage
 from workbench.pipeline.run import Results, run_plan
 from workbench.pipeline.terminal import Reporter
 from workbench.pipeline.wiring import Plan
-from workbench.scan import write
+from workbench.scan import read, write
 from workbench.stage import Role, Stage
 from workbench.synthetic import parse_recipe, simulate_recording
 
@@ -32,10 +32,11 @@ MOTION = np.eye(4)  # moved from base, in mm
 MOTION[:3, :3] = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
 MOTION[:3, 3] = [310.0, -220.0, 95.0]
 MILLED_ONCE = ("chatter", "optimise_posture")  # a layer of the shipped path is enough for them
+PLANS = ("plan_bevel", "milling_force", "sensitivity")  # they begin with a raw edge
 LOOPS = ("closed_loop", "compensated_loop", "compound_loop", "j_loop", "measured_loop")  # they begin with a recipe
 SMALL: dict[str, dict[str, Any]] = {  # what a law asks for shows over few postures, stations and places as well
     "stiffness.posture": {"cutter_rotation_deg": [-10, 10], "turntable_deg": [0, 0], "sampled_points": 10},
-    "stiffness.chatter": {"stations": 3},
+    "stiffness.chatter": {"stations": 3, "speed_change": 0.05},
     "stiffness.maps": {"steps": 9},
     "compare.deviation": {"spacing_mm": 3.0},
 }
@@ -82,6 +83,13 @@ def recording_file(recording: Recording, tmp_path_factory: pytest.TempPathFactor
 
 
 @pytest.fixture(scope="session")
+def raw_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("raw") / "raw.h5"
+    write(simulate_recording(parse_recipe(RAW))[0], path)
+    return path
+
+
+@pytest.fixture(scope="session")
 def chain(recording_file: Path) -> Chain:
     return run_chain("inspect_bevel", recording=recording_file)
 
@@ -92,13 +100,11 @@ def moved_chain(recording: Recording, tmp_path_factory: pytest.TempPathFactory) 
 
 
 @pytest.fixture(scope="session")
-def plan_chains(tmp_path_factory: pytest.TempPathFactory) -> tuple[Chain, Chain]:
+def plan_chains(raw_file: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Chain, Chain]:
     """The planning, as it is and moved."""
-    recording, folder = simulate_recording(parse_recipe(RAW))[0], tmp_path_factory.mktemp("raw")
-    write(recording, folder / "raw.h5")
-    here = run_chain("plan_bevel", recording=folder / "raw.h5")
     turned = [float(x) for x in MOTION[:3, 2]]
-    return here, run_chain("plan_bevel", recording=moved_file(recording, folder), upper_side=turned)
+    moved = moved_file(read(recording=raw_file), tmp_path_factory.mktemp("raw moved"))
+    return run_chain("plan_bevel", recording=raw_file), run_chain("plan_bevel", recording=moved, upper_side=turned)
 
 
 @pytest.fixture(scope="module")
@@ -137,13 +143,14 @@ def known(value: Any) -> Any:
 
 
 @pytest.fixture(scope="module")
-def chains(calls: Any, recording_file: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Chain]:
+def chains(calls: Any, recording_file: Path, raw_file: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Chain]:
     """Every shipped pipeline."""
     folder = tmp_path_factory.mktemp("inputs")
     (folder / "raw.json").write_text(json.dumps(RAW))
     path = json.loads((DATA / "paths" / "raw_arc.json").read_text())
     (folder / "path.json").write_text(json.dumps(path | {"layers": path["layers"][-1:], "travels": []}))
     given: dict[str, Any] = {name: {"recording": recording_file} for name in ("inspect_bevel", "export_inspection")}
+    given |= {name: {"recording": raw_file} for name in PLANS}
     given |= {name: {"recipe": folder / "raw.json"} for name in LOOPS}
     given["measured_loop"] |= (once_over := {"passes": 1})
     given["plan_scan"] = once_over

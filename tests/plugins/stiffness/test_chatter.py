@@ -16,6 +16,7 @@ ROOT = Path(__file__).parents[3]
 MASSES = (400.0, 300.0, 200.0, 120.0, 30.0, 5.0)
 FIXED = {"cutter_rotation_deg": (0, 0), "turntable_deg": (0, 0), "whole_map": False}
 OWN = (767.0, 169.0, 222.0, 27.7, 26.6, 0.7)
+FEW = {"stations": 2, "speed_change": 0.05}
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +37,7 @@ def milled(cell, stiffness, plan):
 @pytest.fixture(scope="module")
 def found(cell, plan, milled):
     push, postures, robot = milled
-    return chatter(cell, robot, plan, push, postures, stations=2, force_relative_u=0.1, most_layers=0)
+    return chatter(cell, robot, plan, push, postures, **FEW, force_relative_u=0.1, most_layers=0)
 
 
 def test_margin_is_limit_over_depth_and_u_comes_from_what_is_declared(cell, plan, milled, found) -> None:
@@ -45,7 +46,7 @@ def test_margin_is_limit_over_depth_and_u_comes_from_what_is_declared(cell, plan
     assert np.allclose(found.margin * found.depth_mm, found.up_limit_mm)
     assert (found.u_log > 0.1).all()
     surer = dataclasses.replace(robot, covariance=robot.covariance / 100)
-    less, *_ = chatter(cell, surer, plan, push, postures, stations=2, force_relative_u=0.1, most_layers=0)
+    less, *_ = chatter(cell, surer, plan, push, postures, **FEW, force_relative_u=0.1, most_layers=0)
     assert np.allclose(less.u_log**2 - 0.01, (found.u_log**2 - 0.01) / 100, rtol=0.05)
     document = json.loads(file.content)
     assert len(document["declared"]) == 3
@@ -73,7 +74,7 @@ def test_the_posture_of_least_displacement_that_keeps_the_margin_is_chosen(cell,
     for angle in ways:
         at = {"cutter_rotation_deg": (angle, angle), "turntable_deg": (-100, -100), "whole_map": False}
         made, *_ = posture(cell, stiffness, plan, push, **at)
-        one, *_ = chatter(cell, robot, plan, push, made, stations=2, most_layers=0, largest_depth_mm=60)
+        one, *_ = chatter(cell, robot, plan, push, made, **FEW, most_layers=0, largest_depth_mm=60)
         told[angle] = float(np.linalg.norm(made.displacement_mm, axis=1).sum()), float(one.least_margin.min())
     kept = {angle: moved for angle, (moved, margin) in told.items() if margin >= asked}
     assert 0 < len(kept) < len(told)
@@ -107,13 +108,13 @@ def test_the_fastest_option_keeps_the_margin_and_a_faster_one_does_not(cell, pla
     def judged(layers: int, rpm: float) -> dict[str, float]:
         depth = plan.depth_of_cut_mm * len(plan.layers) / layers
         push, _ = force(plan, None, cell, coefficients=OWN, radial_depth_mm=depth, spindle_rpm=rpm)
-        one, *_ = chatter(cell, robot, plan, push, postures, stations=2, force_relative_u=0.1, most_layers=0)
+        one, *_ = chatter(cell, robot, plan, push, postures, **FEW, force_relative_u=0.1, most_layers=0)
         down = one.down_limit_mm / one.depth_mm * np.exp(-2 * one.u_log)
         return {"up": float(one.least_margin.min()), "down": float(down.min())}
 
     push, _, _ = milled
     _, file, page = chatter(
-        cell, robot, plan, push, postures, stations=2, force_relative_u=0.1, least_margin=asked, root_tolerance_mm=5
+        cell, robot, plan, push, postures, **FEW, force_relative_u=0.1, least_margin=asked, root_tolerance_mm=5
     )
     choice = json.loads(file.content)["choice"]
     best = choice["options"][choice["direction"]]
@@ -130,7 +131,7 @@ def test_a_weak_spindle_and_a_narrow_tolerance_stand_against_what_is_fast(cell, 
     push, postures, robot = milled
     weak = dataclasses.replace(cell, spindle=cell.spindle.model_copy(update={"torque_nm": [0.01] * 3}))
     for which, more, why in ((weak, {}, "the spindle's torque"), (cell, {"root_tolerance_mm": 1e-4}, "deflection")):
-        _, file, _ = chatter(which, robot, plan, push, postures, stations=2, least_margin=0.01, **more)
+        _, file, _ = chatter(which, robot, plan, push, postures, **FEW, least_margin=0.01, **more)
         choice = json.loads(file.content)["choice"]
         assert choice["direction"] is None
         assert set(choice["faster_ones_that_fail"]["up"]) >= {why}

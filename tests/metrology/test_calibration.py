@@ -10,6 +10,7 @@ from scipy.stats import chi2
 
 from bench.calibration.sphere_truth import Cell, bound, cell_of, circles, recorded_poses
 from bench.drawn.spheres import random_sphere_recipe
+from tests.seldom import seldom
 from workbench.geometry.poses import pose_from
 from workbench.plugins.calibration.model import Estimate, Noise, Sphere
 from workbench.plugins.calibration.observations import from_arrays
@@ -17,7 +18,7 @@ from workbench.plugins.calibration.solve import solve
 from workbench.synthetic.sphere import design_hand_eye
 from workbench.units import Bool, Float
 
-SEED, SETS = 9_974, 40
+SEED, SETS = 9_974, 24
 
 
 def calibrated(condition: str, seed: int) -> tuple[Cell, Any, Bool, Float]:
@@ -43,7 +44,7 @@ def test_bound_is_that_of_the_calibrations_own_information():
     assert ratio.real == pytest.approx(np.ones(6), rel=2e-3)
 
 
-@pytest.mark.parametrize("condition", ["sphere_nine", "sphere_gross"])
+@pytest.mark.parametrize("condition", ["sphere_gross", *seldom("sphere_nine")])
 def test_errors_are_those_of_the_bound_and_of_the_covariance(condition):
     errors, bounds, squared = [], [], []
     for seed in range(SEED, SEED + SETS):
@@ -55,5 +56,5 @@ def test_errors_are_those_of_the_bound_and_of_the_covariance(condition):
         bounds.append(cell.vol_u_mm(least))
         squared.append(off @ np.linalg.solve(covariance, off))
     assert np.sqrt(np.mean(np.square(errors)) / np.mean(np.square(bounds))) < 1.25
-    assert np.mean(squared) == pytest.approx(6.0, rel=0.25)  # chi-square of six, 40 times: 6 +- 0.5
+    assert np.mean(squared) == pytest.approx(6.0, rel=0.25)  # chi-square of six, 24 times: 6 +- 0.7
     assert np.mean(np.array(squared) < chi2.ppf(0.95, 6)) > 0.84  # by chance once in 250 times

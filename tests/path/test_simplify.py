@@ -17,14 +17,9 @@ from ..program.paths import Shape, all_points, circle, deviations, mill_path, ru
 SHAPES = {
     "straight": Shape(),
     "convex 300": Shape(bend=1 / 300),
-    "convex 1000": Shape(bend=1 / 1000),
     "convex 3000": Shape(bend=1 / 3000),
     "concave 300": Shape(bend=-1 / 300),
-    "concave 3000": Shape(bend=-1 / 3000),
-    "straight, wave": Shape(wave_mm=0.01),
     "convex 300, wave": Shape(bend=1 / 300, wave_mm=0.01),
-    "concave 1000, wave": Shape(bend=-1 / 1000, wave_mm=0.01),
-    "convex 3000, wave": Shape(bend=1 / 3000, wave_mm=0.01),
 }
 
 

@@ -89,7 +89,7 @@ def test_scans_that_move_alike_do_not_tell_the_offset() -> None:
         x, _, z = one["sphere_mm"]
         one |= {"sphere_mm": (x, -5.5, z), "to_mm": (x + 1.0, 5.5, z + 0.5)}
     with pytest.raises(InputError, match="all scans move alike"):
-        calibrated(drawn("sphere_scans", 1, passes=passes, robot={"frame_rate_hz": 30.0})[0])
+        calibrated(drawn("sphere_scans", 1, passes=passes, robot={"frame_rate_hz": 10.0})[0])
 
 
 def test_times_that_no_offset_explains() -> None:

@@ -10,17 +10,16 @@ import pytest
 TETRAHEDRON = "v 0 0 0\nv 100 0 0\nv 0 100 0\nv 0 0 100\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
 
-@pytest.mark.parametrize(
-    ("fails", "says"),
-    [
-        (
-            "OSError('libusb-1.0.so.0: cannot open shared object file: No such file or directory')",
-            "the shared library libusb-1.0.so.0 is missing",
-        ),
-        ("ImportError('built for another Python')", "built for another Python"),
-    ],
+MISSING = (
+    "OSError('libusb-1.0.so.0: cannot open shared object file: No such file or directory')",
+    "the shared library libusb-1.0.so.0 is missing",
 )
-@pytest.mark.parametrize("name", ["part.obj", "part.pcd", "part.ply"])
+OTHER = "ImportError('built for another Python')", "built for another Python"
+
+
+@pytest.mark.parametrize(
+    ("name", "fails", "says"), [("part.obj", *MISSING), ("part.pcd", *OTHER), ("part.ply", *MISSING)]
+)
 def test_a_library_that_cannot_be_loaded_is_blamed_and_not_the_file(name, fails, says, tmp_path, command, monkeypatch):
     (tmp_path / "open3d.py").write_text(f"raise {fails}")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))

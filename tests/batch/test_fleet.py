@@ -2,13 +2,13 @@
 
 import base64
 import io
-from html.parser import HTMLParser
 from urllib.parse import unquote
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from tests.report.conftest import Elements
 from workbench.batch.fleet import (
     cover,
     fleet_files,
@@ -55,39 +55,25 @@ FLEET = [
 ]
 
 
-class Page(HTMLParser):
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.links: list[str] = []
-        self.sources: list[str] = []
-        self.words: list[str] = []
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        self.links += [value or "" for name, value in attrs if name == "href"]
-        self.sources += [value or "" for name, value in attrs if name == "src"]
-
-    def handle_data(self, data: str) -> None:
-        self.words.append(data)
+def links(made: Elements) -> list[str]:
+    return [value or "" for _, attributes in made.tags for name, value in attributes.items() if name == "href"]
 
 
 def test_worst_first() -> None:
     order = ["shot", "stuck", "torn", "thin", "open", "near", "fine"]
     assert [record.part for record in worst_first(FLEET)] == order
-    links = Page(page(FLEET, "Fleet")).links
-    assert [unquote(link).partition("/")[0] for link in links] == order
-    assert links[0] == "shot/part.json"
-    assert links[3] == "thin/report.html"
+    found = links(Elements(page(FLEET, "Fleet")))
+    assert [unquote(link).partition("/")[0] for link in found] == order
+    assert found[0] == "shot/part.json"
+    assert found[3] == "thin/report.html"
 
 
 def test_names_are_text() -> None:
     nasty = '"><script>alert(1)</script>'
     fleet = [part("a", [1.5], part_id=nasty + "\n\ud800"), Record("b", "b.h5", "failed", cause=nasty)]
-    made = Page(page(fleet, f"title {nasty}"))
-    assert "script" not in made.tags
-    assert sum("<script>alert(1)</script>" in word for word in made.words) == 5  # title twice, part twice and cause
+    made = Elements(page(fleet, f"title {nasty}"))
+    assert "script" not in {tag for tag, _ in made.tags}
+    assert made.text.count("<script>alert(1)</script>") == 5  # title twice, part twice and cause
     assert fleet_files(fleet, nasty)["fleet.parquet"][:4] == b"PAR1"
 
 
@@ -106,11 +92,12 @@ def test_a_cause_tells_nothing_of_the_machine(recording: str, cause: str, shown:
 
 def test_the_page_needs_nothing_else() -> None:
     parts = [part(f"p{i}", [1.5 + 0.01 * (i % 5), 1.4]) for i in range(30)]
-    made = Page(page(parts, "Fleet"))
-    assert len(made.sources) == 4
-    assert all(source.startswith("data:image/svg+xml;base64,") for source in made.sources)
-    assert not any(b"40.2000" in base64.b64decode(source.partition(",")[2]) for source in made.sources)  # all alike
-    assert not {"script", "link", "iframe"} & set(made.tags)
+    made = Elements(page(parts, "Fleet"))
+    sources = [attributes["src"] for _, attributes in made.tags if "src" in attributes]
+    assert len(sources) == 4
+    assert all(source.startswith("data:image/svg+xml;base64,") for source in sources)
+    assert not any(b"40.2000" in base64.b64decode(source.partition(",")[2]) for source in sources)  # all alike
+    assert not {"script", "link", "iframe"} & {tag for tag, _ in made.tags}
     for count in (19, 20):  # Montgomery, 6.2
         assert ("Fewer than 20 parts: limits and indices are provisional" in page(parts[:count], "")) == (count < 20)
 
@@ -128,16 +115,16 @@ def test_every_part_and_section_is_a_row() -> None:
 def test_a_trend_and_a_shift_stand_in_the_page() -> None:
     rng = np.random.default_rng(9)
     roots = 1.4 + 0.004 * np.arange(50) + 0.02 * rng.normal(size=50)
-    words = " ".join(Page(page([part(f"p{i}", [root, 1.5]) for i, root in enumerate(roots)], "Fleet")).words)
-    assert "Nelson 2: nine in a row on one side of the mean" in words
-    assert '<td class="trend">' in page([part(f"p{i}", [root, 1.5]) for i, root in enumerate(roots)], "Fleet")
+    made = page([part(f"p{i}", [root, 1.5]) for i, root in enumerate(roots)], "Fleet")
+    assert "Nelson 2: nine in a row on one side of the mean" in Elements(made).text
+    assert '<td class="trend">' in made
 
 
 def test_a_pipeline_without_inspection_has_a_page_of_its_parts() -> None:
     fleet = [Record("a", "a.h5", "passed", files={"toolpath.json": "0", "run.json": "0"})]
-    made = Page(page(fleet, "Plan"))
-    assert made.links == ["a/run.json"]
-    assert not made.sources
+    made = Elements(page(fleet, "Plan"))
+    assert links(made) == ["a/run.json"]
+    assert not [tag for tag, attributes in made.tags if "src" in attributes]
 
 
 def test_what_cannot_be_measured_is_no_scrap() -> None:
@@ -146,7 +133,7 @@ def test_what_cannot_be_measured_is_no_scrap() -> None:
     made = cover(fleet)
     assert (made["measured"], made["unmeasured"]) == (3, [("x", "failed"), ("y", "hung")])
     assert sum(count for _, _, count in made["verdicts"]) == 3
-    words = " ".join(Page(page(fleet, "Fleet")).words)
+    words = Elements(page(fleet, "Fleet")).text
     assert "3 of 5 parts" in words
     assert "(100.0 % of those measured)" in words
     assert "no statement on these parts" in words

@@ -12,6 +12,7 @@ from bench.simulators.triangulated import (
     simulate,
     smooth,
 )
+from tests.simulators.returns import base_points
 from workbench.units import DEG
 
 PART = Workpiece("raw", 60.0, 200.0, 6.0, lean=Course(0.02, 0.01))
@@ -22,24 +23,13 @@ WAY = Way(elevation=35.0 * DEG, oblique=(0.03, 0.02, -0.03), aim_mm=(0.0, 3.0))
 def in_sections(part: Workpiece, sensor: Sensor, way: Way) -> np.ndarray:
     """Returns (n, 2) along normal and across at the nearest station of the truth."""
     recording, truth = simulate(part, sensor, [way], 7)
-    points = base_points(recording)
+    points = base_points(recording)[::37]
     place = truth["position_mm"]
     t = np.gradient(place, axis=0)
     t /= np.linalg.norm(t, axis=1, keepdims=True)
     nearest = np.abs(np.einsum("nsi,si->ns", points[:, None] - place[None], t)).argmin(axis=1)
     off = points - place[nearest]
     return np.stack([(off * truth[name][nearest]).sum(axis=1) for name in ("normal", "across")], axis=1)
-
-
-def base_points(recording: object) -> np.ndarray:
-    from scipy.spatial.transform import Rotation
-
-    turn = Rotation.from_quat(recording.robot_quaternion_wxyz[:, [1, 2, 3, 0]]).as_matrix()
-    hand = recording.flange_from_profiler
-    x, z = recording.x_mm.astype(float), recording.z_mm.astype(float)
-    flange = np.stack([x, 0 * x, z], axis=-1) @ hand[:3, :3].T + hand[:3, 3]
-    base = np.einsum("nij,nmj->nmi", turn, flange) + recording.robot_position_mm[:, None]
-    return base[np.isfinite(z)][::37]
 
 
 def test_an_ideal_sensor_sees_the_part() -> None:

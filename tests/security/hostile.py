@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from html.parser import HTMLParser
 from pathlib import Path
 
 MARKUP = "</title></script><script>alert(1)</script><img src=x onerror=alert(2)>\"'>{{7*191*1000003}}${recording}"
@@ -15,26 +14,6 @@ NAMES = {  # each stands where a file may carry a text
     "terminal": "\x1b]0;owned\x07\x1b[2J\x9b31m error: forged\n",
     "long": "A" * 60_000,
 }
-
-
-class Page(HTMLParser):
-    """The elements of a page, and its text."""
-
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.scripts, self.active, self.text = 0, [], ""
-        self.feed(html)
-        self.close()
-
-    def handle_starttag(self, tag, attrs):
-        self.scripts += tag == "script" and dict(attrs).get("type") != "application/json"
-        self.active += [(tag, name) for name, value in attrs if name.startswith("on") or "javascript:" in (value or "")]
-        self.active += [
-            (tag, value[:40]) for name, value in attrs if name == "src" and not (value or "").startswith("data:")
-        ]
-
-    def handle_data(self, data):
-        self.text += data
 
 
 def files_below(folder: Path) -> set[str]:

@@ -28,12 +28,12 @@ def on_table(seed: int, gap_mm: float, is_raw: bool = False) -> Part:
 
 @pytest.mark.parametrize(("is_raw", "gap_mm"), [(False, 0.05), (True, 0.4), *seldom((False, 0.4), (True, 0.05))])
 def test_a_gap_below_the_plate_is_in_u(is_raw: bool, gap_mm: float) -> None:
-    told = 0
-    for seed in range(4):
+    told, seeds = 0, range(2 if is_raw else 4)
+    for seed in seeds:
         found = alone(plain(on_table(seed, gap_mm, is_raw), is_raw))
         told += not found.refused
         assert all((np.abs(one.error) <= 3.0 * one.u).all() for one in found.found.values()), seed
-    assert told >= 3
+    assert told > 0.5 * len(seeds)
 
 
 def test_what_a_narrow_root_face_stands_over_does_not_turn_it() -> None:

@@ -15,13 +15,14 @@ from workbench.edge.groove_frames import LEAST_FACE, ReadFrames, middles
 from workbench.edge.groove_profile import DROP_MM, DROP_POINTS, SHARED, Kind, Side
 from workbench.edge.joint_lines import FaceLine, joined, meeting, typical
 from workbench.edge.residual_image import FaceImage, face_image
+from workbench.edge.unseen import cut_by_dark
 from workbench.errors import InputError
 from workbench.geometry.chains import FaceLines, labelled_lines
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import Curve
 from workbench.geometry.grids import columns_to_next
 from workbench.geometry.sections import SectionLines, in_section, on_line, section_lines
-from workbench.units import DEG, AnyArray, Float, Int, Shaped
+from workbench.units import DEG, AnyArray, Bool, Float, Int, Shaped
 
 LABELS = ((1, 2), (3, 4))  # upper surface and the face below it, of the left and of the right plate
 UNSEEN = ("edge", "hidden")  # kinds of plates of whose faces nothing, or a fillet only, is seen
@@ -60,6 +61,8 @@ class Plate:
     spacing: Shaped[Float, " n"]  # of its returns, down
     lost: Shaped[Float, "n 2"]  # share of the last columns without return, of the face and of the root face
     below: Shaped[Float, "n 2"]  # from the last return of the bevel to that of the root face, inwards and down; NaN
+    outwards: Shaped[Int, " n"]  # column of the innermost return, below 0 where the groove lies towards column 0
+    cut: Shaped[Bool, " n"]  # whether a dark column ends what is seen: `end` or `last`, NaN then
     is_covered: bool  # whether a third of the profiles show something that joins the last return: a weld, a strip
 
     def corner(self, places: Sequence[Float], angles: Sequence[Float], beyond_mm: Float | float = 0.0) -> Float:
@@ -199,9 +202,8 @@ def _plate(view: _View, sections: Sequence[SectionLines], images: Sequence[FaceI
     sigma = typical(np.sqrt(lines[-1].offset_variance * [one.face.size or one.upper.size for one in sides]), 0.02)
     ends = view.points([np.array([side.end, side.last]) for side in sides])
     end, last = np.array([one[0] for one in ends]), np.array([one[1] for one in ends])
-    beyond_end, beyond_last = (
-        columns_to_next(z_mm, _outwards(view, [getattr(side, name) for side in sides])) for name in ("end", "last")
-    )
+    outwards = [_outwards(view, [getattr(side, name) for side in sides]) for name in ("end", "last")]
+    beyond_end, beyond_last = (columns_to_next(z_mm, one) for one in outwards)
     near = slice(-NEAR_RETURNS, None) if view.which == 0 else slice(NEAR_RETURNS)
     upper = view.points([side.upper[near] for side in sides])
     pitch = np.array([float(np.median(np.hypot(*np.diff(one, axis=0).T))) for one in upper])
@@ -215,6 +217,10 @@ def _plate(view: _View, sections: Sequence[SectionLines], images: Sequence[FaceI
     is_covered = bool(covered.mean() > COVERED)
     last[(covered & np.isnan(root_a)) | is_covered] = np.nan
     lowest[covered | is_covered] = np.nan
+    hangs, cut = end.copy() if len(lines) == 1 else None, np.zeros(n, bool)
+    for place, column in ((last, outwards[1]), (end, outwards[0]))[: 2 if kind in UNSEEN else 1]:
+        mine = cut_by_dark(view.cloud, column, (place - view.wander)[:, 0], pitch)
+        place[mine], cut = np.nan, cut | mine
     lever, fillets = np.full(n, np.nan), Fillets(n)
     if kind == "hidden":
         lever = _hidden_fillets(view, lines[0], fillets)
@@ -226,7 +232,7 @@ def _plate(view: _View, sections: Sequence[SectionLines], images: Sequence[FaceI
         edge_step[beyond_end > 1] = np.nan
     return Plate(
         kind,
-        tuple(joined(lines, view.s, view.cloud.pass_index, view.wander, end if len(lines) == 1 else None)),
+        tuple(joined(lines, view.s, view.cloud.pass_index, view.wander, hangs)),
         tuple(images),
         sigma,
         end,
@@ -249,6 +255,8 @@ def _plate(view: _View, sections: Sequence[SectionLines], images: Sequence[FaceI
             ]
         ),
         beneath,
+        outwards[1],
+        cut,
         is_covered,
     )
 

@@ -20,7 +20,7 @@ from workbench.edge.groove_frames import ReadFrames, axes, groove_curve, read_fr
 from workbench.edge.groove_plates import plates
 from workbench.edge.groove_profile import Kind
 from workbench.edge.groove_sizes import GrooveSizes
-from workbench.edge.joint_lines import Along, typical
+from workbench.edge.joint_lines import LEAST_FRAMES, Along, typical
 from workbench.edge.parameters import (
     STATION_MM,
     USUAL_NOISE_MM,
@@ -31,6 +31,7 @@ from workbench.edge.parameters import (
 )
 from workbench.edge.residual_image import declared_linearity
 from workbench.edge.segment import laser_plane_u
+from workbench.edge.unseen import by_window, fixed_end_check
 from workbench.errors import InputError
 from workbench.geometry.curves import Curve, covered, turn_by_robot
 from workbench.stage import InputFile, stage
@@ -38,6 +39,8 @@ from workbench.units import AnyArray, Float, Int
 
 SHADOW = "one root lies in the shadow of the other plate's: gap and depth are not told; lean the scan the other way"
 COVERED = "what lies between the plates joins their faces, a weld or a backing strip: where these end is not told"
+CUT = "in {:.0f} % of the profiles a plate ends beside a column that hardly ever returns, over which it moves: blind "
+CUT += "columns, or the sensor's window, end what is seen; where these sizes end there is not told"
 KNIVES = ("V", "HV")  # types whose bevels reach the plate's lower surface
 Given = Literal["auto", "I", "V", "Y", "HV", "HY", "X", "K", "U", "J"]
 
@@ -78,6 +81,10 @@ def segment_groove(
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")
     curve, read, s = groove_curve(cloud, read)
     both, labels, tilt, about = plates(cloud, read, curve, s)
+    cut = both[0].cut | both[1].cut
+    told = (CUT.format(100.0 * cut.mean()),) if cut.any() else ()
+    if told and min(np.isfinite(one.end[:, 0]).sum() for one in both) < LEAST_FRAMES:
+        raise InputError(cloud.source, *told)
     first, length = float(s.min()), float(np.ptp(s))
     at = np.linspace(0.0, length, max(3, round(length / STATION_MM) + 1))
     by_robot = turn_by_robot(curve, max(length, 1.0), usual_noise_mm(robot_noise_mm), robot_noise_length_mm)
@@ -102,6 +109,7 @@ def segment_groove(
     measured.measure(groove == "auto")
     checks.extend(_checks(cloud.of_frames(read.frame), read, labels, measured, limits))
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")
+    ends = fixed_end_check(cloud.of_frames(read.frame), [one.outwards for one in measured.plates], len(read.frame))
     type_, alternatives, declared = _type(cloud, kinds, measured, groove)
     seen_s = np.full(len(cloud.keep), np.nan)
     seen_s[read.frame] = s - first
@@ -124,11 +132,13 @@ def segment_groove(
         base_from_profiler=cloud.base_from_profiler,
         pass_index=cloud.pass_index,
         part=cloud.part,
-        checks=(*cloud.checks, *checks),
+        checks=(*cloud.checks, *checks, ends),
+        unseen=by_window(ends),
         warnings=(
             *_alike(type_, alternatives, declared),
             *_hidden(measured, declared),
             *((SHADOW,) if measured.shadowed else ()),
+            *told,
             *((COVERED,) if any(one.is_covered for one in measured.plates) else ()),
         ),
     )

@@ -14,12 +14,14 @@ from workbench.edge.broken_end import is_free_end
 from workbench.edge.faces import TrackedFaces
 from workbench.geometry.grids import columns_beyond, dark_beyond
 from workbench.geometry.poses import in_planes, rotation_from_vector
+from workbench.geometry.silhouette import MISSES
 from workbench.units import DEG, AnyArray, Bool, Float, Int, Shaped
 
 TURN_DEG = 1.0  # of a hand-eye pose by design, or measured by hand
 SCALE = 1e-3  # of x against z; data sheets of laser profilers tell a few parts in a thousand of the range
 LAYER_MM = 0.05  # a coat of shop primer
 CUT_AWAY_MM = 0.1
+PASSED_COLUMNS = 2.0  # by which an end moves in the part at least, for the column that it stays in to have cut it off
 NEXT_COLUMNS = 2  # within these of its last return, something behind the face leaves no stripe of it unseen
 MOST_FRAMES, LEAST_FRAMES = 200, 20  # that are looked at; that tell a thickness
 DISAGREES = 3.0  # standard uncertainties
@@ -164,6 +166,24 @@ def fixed_end_check(cloud: Cloud, ends: Sequence[Int], frames: int) -> Check:
         told = f"in {100 * share:.0f} % of the frames the face ends beside a column that hardly ever returns: an end "
         told += "of the window, or blind columns, would not show"
     return Check("fixed_end_share", share, None, True, "an end of the part moves in the view as the part does", told)
+
+
+def cut_by_dark(cloud: Cloud, outwards: Int, place: Float, pitch: Float) -> Bool:
+    """Frames (N,) in which a face does not end where its returns do: a dark column, over which it moves, ends these.
+
+    outwards (N,): columns as `columns_to_next` takes them; place (N,): where returns end beside the part, in mm along
+    its surface; pitch (N,): of the columns there, mm. An end of the part that stays in one column does not move in it.
+    """
+    cut, known = np.zeros(outwards.size, bool), np.isfinite(place)
+    dark = dark_beyond(cloud.z_mm, cloud.keep, outwards) & known
+    for group, last in np.unique(np.stack([cloud.pass_index[dark], outwards[dark]]), axis=1).T:
+        for column in range(last, last - MISSES, -1):  # the last returns may be lost, too
+            at = known & (cloud.pass_index == group) & (outwards == column)
+            if at.any() and np.ptp(np.percentile(place[at] / np.median(pitch), [5.0, 95.0])) > PASSED_COLUMNS:
+                cut |= at
+            elif column == last:
+                break
+    return np.asarray(cut | (cut.mean() > PINNED))  # what the few others show is no end either
 
 
 def root_end_check(cloud: Cloud, tracked: TrackedFaces) -> Check:

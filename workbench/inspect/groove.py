@@ -85,6 +85,7 @@ def groove(
     nominal: Annotated[dict[str, Any] | None, _of(TERMS)] = None,
     sections: Annotated[int, Field(ge=1, le=999)] = 9,
     guard_factor: Annotated[float, Field(ge=0, le=5)] = 1.645,
+    accept_conditions: tuple[Literal["window_end"], ...] = (),
 ) -> GrooveInspection:
     """Measure a groove in equidistant sections and judge what is required.
 
@@ -97,6 +98,7 @@ def groove(
             0.5]}; null: nothing is judged.
         sections: count of sections along the groove.
         guard_factor: guard band over u; 1.645: 95 % one-sided.
+        accept_conditions: as in `inspect.sections`.
 
     Raises:
         PipelineError: a name that no groove has, or a nominal without its tolerance, before anything is measured.
@@ -108,7 +110,7 @@ def groove(
         >>> found.type, len(found.sections)
         ('Y', 9)
     """
-    return GrooveInspection(**_judged(groove, nominal or {}, sections, guard_factor, LEFT_OUT))
+    return GrooveInspection(**_judged(groove, nominal or {}, sections, guard_factor, LEFT_OUT, accept_conditions))
 
 
 @stage("inspect.preparation")
@@ -139,11 +141,8 @@ def preparation(
         >>> found.type, len(found.sections)
         ('nose', 9)
     """
-    judged = _judged(preparation, nominal or {}, sections, guard_factor, LEFT_OUT_OF_PLATES)
-    rests_on = preparation.unseen if nominal else ()
-    verdict, reason, left, accepted = provided(judged["verdict"], judged["reason"], rests_on, accept_conditions)
-    rests = {"verdict": verdict, "reason": reason, "conditions": left, "warnings": (*judged["warnings"], *accepted)}
-    return PreparationInspection(**{**judged, **rests})
+    given = nominal or {}, sections, guard_factor, LEFT_OUT_OF_PLATES, accept_conditions
+    return PreparationInspection(**_judged(preparation, *given))
 
 
 def _judged(
@@ -152,6 +151,7 @@ def _judged(
     sections: int,
     guard_factor: float,
     left_out: tuple[Unseen, ...],
+    accepted: tuple[str, ...],
 ) -> dict[str, Any]:
     """The fields of a joint's inspection."""
     required = _required(nominal, joint.terms)
@@ -161,6 +161,8 @@ def _judged(
         raise InputError(
             type(joint).__name__.lower(), f"none of {len(inspected)} sections could be measured: is this such a joint?"
         )
+    verdict, reason = worst(s.verdict for s in inspected), reason_of(inspected, bool(required))
+    verdict, reason, left, told = provided(verdict, reason, joint.unseen if required else (), accepted)
     return {
         "type": joint.type,
         "alternatives": joint.alternatives,
@@ -168,11 +170,12 @@ def _judged(
         "sections": inspected,
         "requirements": dict(nominal),
         "guard_factor": guard_factor,
-        "verdict": worst(s.verdict for s in inspected),
-        "reason": reason_of(inspected, bool(required)),
+        "verdict": verdict,
+        "reason": reason,
+        "conditions": left,
         "uncertainty": of_a_joint(joint.part, *left_out),
         "part": joint.part,
-        "warnings": joint.warnings,
+        "warnings": (*joint.warnings, *told),
         "checks": joint.checks,
     }
 

@@ -83,6 +83,18 @@ def test_columns_that_are_dark_where_a_root_passes_do_not_end_it(kind: str, way:
     assert max(abs(error) / u for _, error, u in rows) < 3.0
 
 
+def test_a_pass_near_a_limit_rests_on_the_knife_edges() -> None:
+    """Rounded by 0.15 mm, which no return shows, those of a V moved its gap by 0.22 mm, 11 u: it passed."""
+    cloud = denoise(fuse(simulate_prism(random_prism_recipe("V", 12_700_100))[0]))
+    groove, sharp = (segment_groove(cloud, groove="V", edge_condition=one) for one in ("unknown", "sharp"))
+    least = round(float(np.nanmin(groove.sizes["gap_mm"].value)), 3)
+    near, far = ({"gap_mm": least, "gap_tolerance_mm": [-off_mm, 5.0]} for off_mm in (0.1, 0.3))
+    for found_, required, names in ((groove, near, ["knife_edge"]), (groove, far, []), (sharp, near, [])):
+        judged = inspect_groove(found_, nominal=required)
+        assert (judged.verdict, [one.name for one in judged.conditions]) == ("undecided" if names else "pass", names)
+    assert inspect_groove(groove, nominal=near, accept_conditions=("knife_edge",)).verdict == "pass"
+
+
 def test_a_profile_that_is_too_coarse_for_a_type_is_refused() -> None:
     """Every eighth column of a U groove was an HV of 16 deg less included angle, at u 0.014."""
     recording, _ = simulate_prism(random_prism_recipe("U", 5_540_004))

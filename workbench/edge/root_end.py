@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from workbench.artefacts import Unseen
 from workbench.edge.end_templates import (
     FILLS,
     FOOTPRINTS,
@@ -25,6 +26,11 @@ from workbench.geometry.course import shares
 
 # An edge of less than a right angle that nothing was said of: as likely sharp as blunted, in handling.
 KNIFE = EdgePrior(0.5, 0.5, 0.0, 0.005, 0.05)
+BLUNTED = Unseen(
+    "knife_edge",
+    "A rounding of the knife edges by more than 0.05 mm: the view from above hides it, and one of 0.1 mm takes about "
+    "0.15 mm of gap and depth. `edge_condition`: `deburred` has it in u.",
+)
 
 
 class RootView(NamedTuple):

@@ -30,6 +30,7 @@ from workbench.edge.parameters import (
     usual_noise_mm,
 )
 from workbench.edge.residual_image import declared_linearity
+from workbench.edge.root_end import BLUNTED
 from workbench.edge.segment import laser_plane_u
 from workbench.edge.unseen import by_window, fixed_end_check
 from workbench.errors import InputError
@@ -133,7 +134,7 @@ def segment_groove(
         pass_index=cloud.pass_index,
         part=cloud.part,
         checks=(*cloud.checks, *checks, ends),
-        unseen=by_window(ends),
+        unseen=by_window(ends) + (type_ in KNIVES and edge_condition == "unknown") * (BLUNTED,),
         warnings=(
             *_alike(type_, alternatives, declared),
             *_hidden(measured, declared),

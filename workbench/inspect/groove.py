@@ -16,6 +16,7 @@ from workbench.artefacts import (
     Preparation,
     PreparationInspection,
     Unseen,
+    conformity,
 )
 from workbench.artefacts.edges import MOST_OFF, PREPARATION_TERMS, TERMS, Joint, RecognisedInspection, named
 from workbench.errors import InputError, nearest
@@ -34,6 +35,7 @@ LEFT_OUT = (
         "cover", "What covers all that is seen of a plate's upper surface, as tape or a sheet: its top is measured."
     ),
 )
+BLUNTED_MM = 0.15  # by which about a rounding of 0.1 mm of a V's knife edges widens its gap and takes of its depth
 LEFT_OUT_OF_PLATES = (
     Unseen("other_side", "What the side that was scanned does not show: bevels below the root face."),
 )
@@ -85,7 +87,7 @@ def groove(
     nominal: Annotated[dict[str, Any] | None, _of(TERMS)] = None,
     sections: Annotated[int, Field(ge=1, le=999)] = 9,
     guard_factor: Annotated[float, Field(ge=0, le=5)] = 1.645,
-    accept_conditions: tuple[Literal["window_end"], ...] = (),
+    accept_conditions: tuple[Literal["window_end", "knife_edge"], ...] = (),
 ) -> GrooveInspection:
     """Measure a groove in equidistant sections and judge what is required.
 
@@ -162,7 +164,8 @@ def _judged(
             type(joint).__name__.lower(), f"none of {len(inspected)} sections could be measured: is this such a joint?"
         )
     verdict, reason = worst(s.verdict for s in inspected), reason_of(inspected, bool(required))
-    verdict, reason, left, told = provided(verdict, reason, joint.unseen if required else (), accepted)
+    rests_on = [one for one in joint.unseen if required and (one.is_doubt or _moves(inspected, required, guard_factor))]
+    verdict, reason, left, told = provided(verdict, reason, rests_on, accepted)
     return {
         "type": joint.type,
         "alternatives": joint.alternatives,
@@ -173,11 +176,23 @@ def _judged(
         "verdict": verdict,
         "reason": reason,
         "conditions": left,
-        "uncertainty": of_a_joint(joint.part, *left_out),
+        "uncertainty": of_a_joint(joint.part, *(one for one in joint.unseen if not one.is_doubt), *left_out),
         "part": joint.part,
         "warnings": (*joint.warnings, *told),
         "checks": joint.checks,
     }
+
+
+def _moves(
+    sections: tuple[GrooveSection, ...], required: Mapping[str, tuple[float, tuple[float, float]]], guard_factor: float
+) -> bool:
+    """Whether blunted knife edges would move gap or depth of a section out of its limits."""
+    return any(
+        conformity(float(one.value) + off, float(one.u), *required[name], guard_factor) != "pass"
+        for name, off in (("gap_mm", -BLUNTED_MM), ("depth_mm", BLUNTED_MM))
+        for one in (s.sizes.get(name) for s in sections)
+        if name in required and one is not None
+    )
 
 
 @stage("inspect.groove_gate")

@@ -92,6 +92,7 @@ REFUSED = {"two bevel angles a side", "upper edges ground"}  # may be, as their 
             ("one plate square", 1000),  # a gap of 17 columns taken for blind ones: 0.19 mm
             ("root run", 1000),  # a hidden bevel of 16 deg taken for a square plate
             ("upper edges rounded", 1002),  # a hidden bevel's root hides the other one: depth 0.2 mm at 15 u
+            ("upper edges rounded", 12_700_000),  # where the view hides the bevel, the rounding was it: 24 deg at 12 u
             ("plates that are not level", 4000),  # the gap was that of level plates
             ("groove filled in part", 3006),  # the last returns of bevels of 0.7 mm turned these by 0.35 deg
             ("ceramic backing", 5002),  # without a root face the channel was one: gap 0.11 mm at 13 u

@@ -12,6 +12,7 @@ from workbench.artefacts import Cloud
 from workbench.checks.corners import thinning
 from workbench.edge.frame_order import flips, profile
 from workbench.edge.groove_profile import (
+    LEAST_FALL,
     Kind,
     Side,
     is_read,
@@ -96,10 +97,11 @@ def read_frames(cloud: Cloud) -> ReadFrames:
         raise InputError(
             cloud.source, f"no profile shows the plates as most do ({left} left, {right} right): no groove?"
         )
-    steady = _steady(
-        np.array([[*one[0].corner, *one[1].corner] for k in good if (one := read[k]) is not None]),
-        cloud.pass_index[[frames[k] for k in good]],
-    )
+    shown = [one for k in good if (one := read[k]) is not None]
+    corners = np.array([[*one[0].corner, *one[1].corner] for one in shown])
+    falls = np.nan_to_num([[one[0].fall, one[1].fall] for one in shown])
+    same = (np.abs(falls - np.median(falls, axis=0)) < LEAST_FALL).all(axis=1)  # others are of a rounding, or a weld
+    steady = same & _steady(corners, cloud.pass_index[[frames[k] for k in good]])
     good = [k for k, on in zip(good, steady, strict=True) if on]
     kept = [one for k in good if (one := read[k]) is not None]
     ends = np.array([profiles[k][2][[a.last, b.last]] for k, (a, b) in zip(good, kept, strict=True)])

@@ -72,13 +72,10 @@ LOOK_AT_PICTURES = ("docs", "acceptance", "report")  # and at the sheets that th
 
 
 @pytest.fixture(scope="module", autouse=True)
-def small_pictures(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Where nobody looks at them, robots are drawn by a hundredth of the rays, two thirds of what a plan takes, and
-    limits of chatter at few speeds, half of what these take.
-    """
+def few_speeds(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Where nobody looks at their pictures, limits of chatter are found at few speeds: half of what these take."""
     with pytest.MonkeyPatch.context() as patch:
         if request.path.parent.name not in LOOK_AT_PICTURES:
-            patch.setattr("workbench.robot.report_picture.SIZE_PX", (69, 63))
             patch.setattr("workbench.plugins.stiffness.milling_choice.FEWEST", 3)
         yield
 

@@ -145,7 +145,7 @@ def build_parser() -> Parser:
     opened.add_argument("--no-browser", action="store_true", help="print the address only")
     completed = command("completion", "print the script by which a shell completes commands, options and pipelines")
     completed.add_argument("shell", choices=("bash", "zsh"), help='such as: eval "$(workbench completion bash)"')
-    shown = command("view-cell", "draw a robot cell in a posture; print its limits, reach, warnings and clearance")
+    shown = command("view-cell", "show a robot cell in a posture; print its limits, reach, warnings and clearance")
     shown._negative_number_matcher = NEGATIVE
     shown.add_argument("cell", metavar="CELL", help="the cell file (data/robot/README.md)")
     shown.add_argument(
@@ -153,7 +153,7 @@ def build_parser() -> Parser:
     )
     shown.add_argument("--turntable-deg", type=float, default=0.0, metavar="A", help="turntable's angle (default: 0)")
     shown.add_argument("--tilt-deg", type=float, default=0.0, metavar="A", help="its tilt's angle (default: 0)")
-    shown.add_argument("--out", required=True, metavar="PICTURE.png", help="the picture to write")
+    shown.add_argument("--out", required=True, metavar="FILE.html", help="the page to write, with the view in space")
     return parser
 
 
@@ -490,8 +490,8 @@ complete -o filenames -F _workbench workbench"""
 
 
 def view_cell(options: argparse.Namespace) -> int:
-    """Draw a robot cell in a posture, and print its limits, reach, warnings and clearance."""
-    from workbench.robot.picture import view_cell
+    """Show a robot cell in a posture, and print its limits, reach, warnings and clearance."""
+    from workbench.look.cell import view_cell
 
     where = options.posture, options.turntable_deg, options.out, options.tilt_deg
     printed(print, "\n".join(view_cell(options.cell, *where)))

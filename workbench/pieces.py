@@ -14,6 +14,8 @@ INK, GREY, PALE = "#1b1f24", "#6b7280", "#c9ced6"
 BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW = "#0072b2", "#d55e00", "#009e73", "#8c0f5b", "#56b4e9", "#b58900"
 SERIES = (BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW)  # told apart with any colour vision (after Okabe and Ito)
 
+SPACE = '<figure class="space"><p class="note">The view in space needs WebGL 2 and scripts.</p></figure>'
+
 
 def figure_html(picture: bytes, words: str, caption: str = "", colours: Iterable[tuple[str, str]] = ()) -> str:
     """A picture, SVG or PNG, with what it shows in words, a caption, and a key of (colour, name)."""
@@ -29,11 +31,6 @@ def _stacked(picture: bytes) -> bool:
     """Whether a chart in SVG is as high as several above each other: in print it gets the height to be read."""
     size = re.search(rb'viewBox="0 0 ([\d.]+) ([\d.]+)"', picture[:2000])
     return size is not None and float(size[2]) > 0.45 * float(size[1])
-
-
-def key_html(colours: Iterable[tuple[str, str]]) -> str:
-    """A key of (colour, name), for several pictures."""
-    return f'<p class="note">{_key(colours)}</p>'
 
 
 def _key(colours: Iterable[tuple[str, str]]) -> str:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from scripts.pictures.panels import MOST_DOTS, Curve, Panel, Picture, plan
 from workbench import compare, inspect
@@ -22,13 +21,12 @@ from workbench.report.groove import groove_drawing
 from workbench.report.path_charts import edges_in_plane
 from workbench.report.planned import layer_colours
 from workbench.report.section_drawing import of_interest
-from workbench.robot.drawing import cell_triangles, colour_of
+from workbench.robot.drawing import cell_strokes
 
 ALONG, ARC = "arc length along the lower edge, mm", "arc length, mm"
 JOINTS = [f"joint {k}" for k in range(1, 7)]
 WITH_U = "with U = 2 u"
 SLICE_MM, ARCS, MOST_NAMED = 0.4, 5, 6  # half the thickness of a slice; arcs drawn of a sphere; layers named
-LARGE_MM = 3_000.0  # a cell's floor and walls
 
 
 def first(beside, kind):
@@ -235,12 +233,11 @@ def document(made, beside):
 
 def cell(made, beside):
     curves = []
-    for body, triangles in cell_triangles(made, np.zeros(6), 0.0):
-        seen = triangles.reshape(-1, 3)[:, [0, 2]]
-        if np.ptp(seen, axis=0).max() < LARGE_MM:
-            ring = ConvexHull(seen).vertices
-            curves.append(Curve(*seen[np.append(ring, ring[0])].T, colour=colour_of(made, body)))
-    words = "The cell from the side, all joints at 0: outlines of its bodies, the robot's in orange"
+    for body in cell_strokes(made, np.zeros(6), 0.0):
+        lines = np.pad(np.array(body.lines_mm), ((0, 0), (0, 1), (0, 0)), constant_values=np.nan)  # each by itself
+        colour = "#{:02x}{:02x}{:02x}".format(*body.colours[0][0])
+        curves.append(Curve(*lines.reshape(-1, 3)[:, [0, 2]].T, colour=colour))
+    words = "The cell from the side, all joints at 0: edges of its bodies, the robot's in orange"
     return Picture(words, [Panel("x of the base, mm", "z, mm", curves, equal=True)])
 
 

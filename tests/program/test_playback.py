@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 
 from workbench.artefacts import Moves
 from workbench.program import write
-from workbench.robot import Cell, cell_triangles
+from workbench.robot import Cell, cell_strokes
 
 from .conftest import passed
 
@@ -18,8 +18,8 @@ def test_bodies_stand_where_the_robot_has_them(moves: Moves, irb6700: Cell, shar
     scene, driven = chapter.scene, judgement.driven
     frame = int(share * (len(scene.frames) - 1))
     assert len(scene.frames) == len(driven["line"]) <= 600  # none is left out
-    drawn = cell_triangles(irb6700, driven["joints"][frame], float(driven["turntable"][frame]), sides=8)
-    corners = cKDTree(np.concatenate([corners.reshape(-1, 3) for _, corners in drawn]))
+    drawn = cell_strokes(irb6700, driven["joints"][frame], float(driven["turntable"][frame]))
+    corners = cKDTree(np.concatenate([end for one in drawn for end in one.lines_mm]))
     bodies = [one for one in scene.strokes if one.name != "way of the tool"]
     assert {"robot"} <= {one.name for one in bodies}
     assert len({id(one.moved) for one in bodies if one.name == "robot"}) > 5  # the arm too, whose links are capsules

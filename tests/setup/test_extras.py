@@ -40,7 +40,7 @@ def test_a_bevel_is_inspected(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("package", "extra", "arguments"),
     [
-        ("pinocchio", "robot", ("view-cell", "data/robot/cell.json", "--out", "{out}.png")),
+        ("pinocchio", "robot", ("view-cell", "data/robot/cell.json", "--out", "{out}.html")),
         (
             "pinocchio",
             "robot",

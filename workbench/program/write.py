@@ -194,7 +194,6 @@ CHECKED = {
     "spindle_torque_nm": "Largest torque of the cutter, Nm",
     "spindle_power_kw": "Largest power of the cutter, kW",
 }
-PLAYED = '<figure class="space"><p>The robot moves here where the browser has WebGL 2.</p></figure>'
 STRETCHES = 600  # of the charts, each with its worst place
 
 
@@ -234,7 +233,7 @@ def program_chapter(
         pieces.heading(title) + pieces.list_html(texts) for title, texts in lists if texts
     )
     if (scene := playback(judgement, cell)) is not None:
-        text += pieces.heading("The program as it runs") + PLAYED
+        text += pieces.heading("The program as it runs") + pieces.SPACE
     if (chart := margins_chart(judgement, cell)) is not None:
         text += pieces.heading("Margins along the way") + pieces.figure_html(
             chart,

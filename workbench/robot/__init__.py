@@ -16,7 +16,7 @@ from workbench.robot.collision import (
     standing_poses,
     turntable_pose,
 )
-from workbench.robot.drawing import cell_triangles
+from workbench.robot.drawing import cell_strokes
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import (
     AngleConvention,
@@ -35,7 +35,6 @@ from workbench.robot.plate import plate
 from workbench.robot.process import turntable_at_home
 from workbench.robot.read import cell, read_cell
 from workbench.robot.refusal import refusal
-from workbench.robot.report_picture import posture_key, posture_picture
 from workbench.robot.wrist import SIDES, Side, SphericalWrist, arm_sides, refuse_contradiction, spherical_wrist
 
 __all__ = [
@@ -57,7 +56,7 @@ __all__ = [
     "arm_sides",
     "base_from_targets",
     "cell",
-    "cell_triangles",
+    "cell_strokes",
     "dexterity",
     "external_at",
     "forward_kinematics",
@@ -68,8 +67,6 @@ __all__ = [
     "joint_axes",
     "motions",
     "plate",
-    "posture_key",
-    "posture_picture",
     "read_cell",
     "refusal",
     "refuse_contradiction",

@@ -8,27 +8,23 @@ from typing import Annotated
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from workbench import pieces
 from workbench.artefacts import Chapter, Cutter, Document, Gate, Layer, PathGate, Postures, RobotCell, Toolpath
 from workbench.artefacts.decisions import NOT_CHECKED
 from workbench.errors import InputError
-from workbench.geometry.poses import quaternion_from_rotation, rotation_from_quaternion
+from workbench.geometry.poses import quaternion_from_rotation
 from workbench.path import simplify
 from workbench.program import write
 from workbench.program.words import program_name
-from workbench.robot import Cell, cell_triangles, forward_kinematics, posture_key, posture_picture, sliding
+from workbench.robot import Cell, forward_kinematics, sliding
 from workbench.robot.cell_file import ProcessPart, Signal, SpindlePart
 from workbench.robot.collision import outermost
 from workbench.robot.makers import MAKERS, Make
 from workbench.scan_plan.plan import ScanPass, ScanPlan
 from workbench.scan_plan.reach import BODY, Examiner
 from workbench.stage import stage
-from workbench.units import DEG, Float
+from workbench.units import DEG
 
 TOLERANCE_MM = 0.1  # by which the laser's middle may leave the planned pass
-NEAR_MM = 400.0  # about the edge, in a close picture
-RAYS = 7  # of the laser in a picture, and points on each
-RENAMED = {"spindle": "scanner", "path": "laser, and its way along the lower edge"}
 LEVER_MM = 20.0  # of the laser line, at whose ends a turn counts
 NO_LOAD = "the load of the scanner: neither mass nor centre of gravity (scan.program: scanner_mass_kg)"
 NO_PLAN = "nothing is written: the plan does not reach what is wanted"
@@ -113,33 +109,10 @@ def program(
                 check = made.name == "program_check.json"
                 out.append(dataclasses.replace(made, name=f"scan_check_{number}.json") if check else made)
             elif isinstance(made, Chapter):
-                robot = _robot_html(plan, place, one, moves.postures)
-                out.append(dataclasses.replace(made, title=f"Program of pass {number}", html=robot + made.html))
+                out.append(dataclasses.replace(made, title=f"Program of pass {number}"))
             elif isinstance(made, PathGate):
                 gates.append(made)
     return (*out, _joined(gates))
-
-
-def _robot_html(plan: ScanPlan, cell: Cell, one: ScanPass, postures: Postures | None) -> str:
-    """The robot at the first, the middle and the last station of a pass; nothing where it is not reached."""
-    if postures is None:
-        return ""
-    drawn = []
-    for name, k, wide in (("middle", len(postures.joints) // 2, None), ("first", 0, NEAR_MM), ("last", -1, NEAR_MM)):
-        bodies = cell_triangles(cell, postures.joints[k], postures.turntable[k])
-        near = "" if wide is None else ", near the edge"
-        picture = posture_picture(cell, bodies, postures.position_mm, wide, _fan_mm(plan, one, postures, k))
-        drawn.append((picture, f"Robot and scanner at the {name} station{near}"))
-    key = [(colour, RENAMED.get(name, name)) for colour, name in posture_key(cell)]
-    return pieces.panels_html(drawn) + pieces.key_html(key)
-
-
-def _fan_mm(plan: ScanPlan, one: ScanPass, postures: Postures, k: int) -> list[Float]:
-    """Rays (n, 3) of the laser at a station, across its line."""
-    half = 0.5 * plan.profiler.line_mm(one.view.standoff_mm)
-    ends = np.linspace([-half, 0.0, 0.0], [half, 0.0, 0.0], RAYS)
-    rays = np.linspace([0.0, 0.0, -one.view.standoff_mm], ends, RAYS, axis=1)
-    return list(rays @ rotation_from_quaternion(postures.quaternion_wxyz[k]).T + postures.position_mm[k])
 
 
 def _joined(gates: list[PathGate]) -> Gate:

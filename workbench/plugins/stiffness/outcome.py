@@ -18,18 +18,17 @@ from workbench.api import (
     Float,
     Int,
     Postures,
+    Scene,
     Shaped,
     Toolpath,
     base_from_targets,
-    cell_triangles,
+    cell_strokes,
     chords_mm,
     forward_kinematics,
     inverse,
     mapped,
     pieces,
     plot,
-    posture_key,
-    posture_picture,
     quaternion_from_rotation,
     sliding,
 )
@@ -45,7 +44,6 @@ from workbench.plugins.stiffness.traversal import (
 )
 
 NO_PLATE = "The cell holds no plate (robot.plate): the path alone is drawn."
-CLOSE_UP_MM, BESIDE = 220.0, 1.3  # the close-up shows so much at least, and so many times the path
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,23 +171,19 @@ def _feeds(points: PathPoints, position_mm: Float) -> Float:
 # The report's chapter.
 
 
-def robots_html(cell: Cell, found: Found) -> str:
-    """Before and after, from the same point of view: the cell, and close to the path."""
-    made = found.postures
-    at = found.points.loaded[len(found.points.loaded) // 2]
-    before = found.cases["as planned"]
-    views = [] if before is None else [("As planned", before.joints[at], before.external[at])]
-    views.append(("As chosen", made.joints[at], made.turntable[at]))
-    drawn = []
-    for name, joints, table in views:
-        turned = found.points.moved(cell, table)
-        way = mapped(turned, found.points.part_mm[found.points.cutting])
-        bodies = cell_triangles(cell, joints, table)
-        size = max(CLOSE_UP_MM, BESIDE * float(np.ptp(way, axis=0).max()))
-        drawn.append((posture_picture(cell, bodies, way), name))
-        drawn.append((posture_picture(cell, bodies, way, size), f"{name}, close to the path"))
-    note = "" if any(shape.body == "workpiece" for shape in cell.shapes) else pieces.paragraph(NO_PLATE)
-    return pieces.panels_html(drawn, pairs=True) + pieces.key_html(posture_key(cell)) + note
+def robots_scene(cell: Cell, found: Found) -> Scene:
+    """The robot at the middle of the path, and the path, in the base: as chosen; as planned is not shown at first."""
+    made, points, before = found.postures, found.points, found.cases["as planned"]
+    at = points.loaded[len(points.loaded) // 2]
+    views = [(", as chosen", made.joints[at], made.turntable[at])]
+    views += [] if before is None else [(", as planned", before.joints[at], before.external[at])]
+    strokes = [
+        one
+        for k, (when, joints, table) in enumerate(views)
+        for way in [mapped(points.moved(cell, table), points.part_mm[points.cutting])]
+        for one in cell_strokes(cell, joints, table, when, way, shown=k == 0)
+    ]
+    return Scene(np.zeros((0, 3)), (), tuple(strokes), (), np.eye(3), axes_names=("x", "y", "z"))
 
 
 def posture_chapter(cell: Cell, found: Found, toolpath: Toolpath) -> Chapter:
@@ -214,11 +208,13 @@ def posture_chapter(cell: Cell, found: Found, toolpath: Toolpath) -> Chapter:
             ((SHADES[c], CAUSES[c] or "") for c in range(1, len(SHADES)) if (found.map.cause == c).any()),
         )
         + pieces.heading("The robot at the middle of the path")
-        + robots_html(cell, found)
+        + pieces.SPACE
+        + ("" if any(shape.body == "workpiece" for shape in cell.shapes) else pieces.paragraph(NO_PLATE))
         + pieces.heading(f"{found.measure.name.capitalize()} and margins along the path")
         + pieces.figure_html(along_picture(cell, found), "Cost and margins along the path")
     )
-    return Chapter("Postures", text, summary=summary, part=toolpath.part, warnings=made.warnings)
+    scene = robots_scene(cell, found)
+    return Chapter("Postures", text, summary=summary, part=toolpath.part, warnings=made.warnings, scene=scene)
 
 
 def mean_of(found: Found) -> str:

@@ -1,4 +1,4 @@
-"""`workbench view-cell`: a picture of a robot cell in a posture, and what there is to say of both."""
+"""`workbench view-cell`: a robot cell in a posture, to turn in the browser, and what there is to say of both."""
 
 from __future__ import annotations
 
@@ -6,33 +6,33 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
 from workbench.errors import InputError, PipelineError
 from workbench.geometry.poses import mapped
-from workbench.geometry.splat import Camera
-from workbench.robot.cell import ON_BASE, Cell
-from workbench.robot.collision import Clearance, CollisionModel, external_at, turntable_pose
-from workbench.robot.drawing import CUBE, RED, Sheet, cell_triangles, colour_of, is_huge, looking, png
-from workbench.robot.kinematics import Chain, forward_kinematics, joint_axes, motions
-from workbench.robot.read import read_cell
-from workbench.robot.wrist import arm_size_mm, spherical_wrist
-from workbench.storage import write_whole
+from workbench.look.command import write_page
+from workbench.look.recorded import axes_of, lines_of
+from workbench.look.seen import Seen, failed
+from workbench.robot import (
+    Cell,
+    Chain,
+    Clearance,
+    CollisionModel,
+    external_at,
+    forward_kinematics,
+    joint_axes,
+    motions,
+    read_cell,
+    spherical_wrist,
+    turntable_pose,
+)
+from workbench.robot.drawing import cell_strokes
+from workbench.robot.wrist import arm_size_mm
 from workbench.units import DEG, Float
 
 STEP = np.radians(2.0)  # of the joints that the reach is looked for with
 OFF_LIMIT = 1e-9  # rad
 SINGULAR = 0.01  # least of the singular values, that of a good posture being about 0.5
-AXES, GRID = ("#d55e00", "#009e73", "#0072b2"), "#a4adb8"  # x, y, z
-VIEWS: tuple[tuple[str, tuple[float, float, float], tuple[float, float, float]], ...] = (
-    ("overview", (0.75, -1.0, 0.55), (0, 0, 1)),
-    ("from the side: x to the right, z up", (0, -1, 0), (0, 0, 1)),
-    ("from above: x to the right, y up", (0, 0, 1), (0, 1, 0)),
-)
-VIEW_PX, FILLED = (1000, 750), 0.8  # of one view, and the share of it that is filled
-TOOL, LEAST_MM = ("flange", "cutter", "sensor"), 60.0  # what the close-up shows, and half of its width at least
-AXIS_PX = 160.0
-BESIDE_PX = (-70.0, -60.0)  # right and up of a place, where its name stands
+AXES_MM, RED = 150.0, (209, 31, 31)
 
 
 def described(cell: Cell, joints: Float, turntable: Float | float) -> list[str]:
@@ -145,95 +145,36 @@ def _span(low: float, high: float) -> str:
     return f"{low / DEG:.6g} to {high / DEG:.6g} deg"
 
 
-def cell_picture(cell: Cell, joints: Float, turntable: Float | float) -> bytes:
-    """A PNG of the cell at joint angles (6,) and a turntable angle, rad: overview, side, top, and the tool close up.
-
-    Robot, tool, turntable, workpiece and fixtures as their collision shapes, colliding ones in red; what is huge is
-    left out; frames; and the shortest distances.
+def cell_seen(cell: Cell, joints: Float, turntable: Float | float) -> Seen:
+    """The cell at joint angles (6,) and a turntable angle, rad: bodies, frames, and the shortest distances.
 
     Raises:
         InputError: no body is known.
     """
-    gaps = CollisionModel(cell).gaps(joints, turntable)
-    hit = {name for gap in gaps if gap.near for name in gap.pair}
-    near = [gap.points_mm for gap in nearest_gaps(cell, gaps) if gap.points_mm is not None and gap.distance_mm > 0]
-    made = [(name, one) for name, one in cell_triangles(cell, joints, turntable) if not is_huge(one)]
-    if not made:
+    bodies = cell_strokes(cell, joints, turntable)
+    if not bodies:
         raise InputError(cell.source, "expected bodies to draw: neither the URDF nor the cell file gives any")
-    frames = cell_frames(cell, joints, turntable)
-    bodies = [(triangles, RED if name in hit else colour_of(cell, name)) for name, triangles in made]
-    corners = np.concatenate(
-        [*(one.reshape(-1, 3) for one, _ in bodies), *(one[None, :3, 3] for one in frames.values())]
+    gaps = CollisionModel(cell).gaps(joints, turntable)
+    near = [(gap.points_mm, gap.distance_mm) for gap in nearest_gaps(cell, gaps) if gap.distance_mm > 0]
+    frames = [
+        axes_of(f"{name} (x red, y green, z blue)", pose[None], AXES_MM)
+        for name, pose in cell_frames(cell, joints, turntable).items()
+    ]
+    distances = [lines_of(f"{mm:.1f} mm", [ends], RED) for ends, mm in near if ends is not None]
+    return Seen(
+        cell.source,
+        "robot cell",
+        "the robot's base",
+        tuple(described(cell, joints, turntable)),
+        np.zeros((0, 3)),
+        (),
+        strokes=(*bodies, *frames, *distances),
+        checks=tuple(
+            failed("collision", None, "bodies that meet", f"collision: {' with '.join(gap.pair)}")
+            for gap in gaps
+            if gap.near
+        ),
     )
-    steps = np.outer(10.0 ** np.arange(4), (1, 2, 5)).ravel()
-    spacing = steps[np.abs(np.log(10 * steps / np.ptp(corners, axis=0).max())).argmin()]
-    told = f"{cell.title}\n{posture_text(joints, turntable)}{'; red: in collision' if hit else ''}\n"
-    views: list[tuple[str, Camera, tuple[str, ...]]] = []
-    for name, look, up in VIEWS:
-        caption = f"{'' if views else told}{name}; grid {spacing:.0f} mm"
-        camera = looking(look, up, corners, VIEW_PX, FILLED, caption.count("\n") + 1)
-        views.append((caption, camera, ("base", "turntable", "cutter")))
-    tool = looking(*VIEWS[0][1:], _about_tool(made, frames), VIEW_PX, FILLED)
-    views.append(("tool; axes x vermilion, y green, z blue", tool, TOOL))
-    picture = Image.new("RGB", (2 * VIEW_PX[0], 2 * VIEW_PX[1]))
-    for i, (caption, camera, named) in enumerate(views):
-        sheet = Sheet(camera, bodies)
-        if named != TOOL:
-            _add_grid(sheet, corners, spacing)
-        sheet.caption(caption)
-        _add_frames(sheet, frames, named)
-        _add_gaps(sheet, near)
-        if i == 0:
-            _add_names(sheet, cell, made)
-        picture.paste(sheet.smaller(), (i % 2 * VIEW_PX[0], i // 2 * VIEW_PX[1]))
-    return png(picture)
-
-
-def _about_tool(made: list[tuple[str, Float]], frames: dict[str, Float]) -> Float:
-    """Corners (8, 3) of a cube around flange, sensor, cutter and the tool's bodies."""
-    tool = [one.reshape(-1, 3) for name, one in made if name in ("tool", "cutter")]
-    points = np.concatenate([*tool, *(frames[name][None, :3, 3] for name in TOOL if name in frames)])
-    half = max(float(np.ptp(points, axis=0).max()) / 2, LEAST_MM)
-    return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2 + half * CUBE)
-
-
-def _add_names(sheet: Sheet, cell: Cell, made: list[tuple[str, Float]]) -> None:
-    """What stands around, named on top of it."""
-    around = {shape.body for shape in cell.shapes if shape.link == ON_BASE}
-    for body in dict.fromkeys(name for name, _ in made if name in around):
-        corners = np.concatenate([one.reshape(-1, 3) for name, one in made if name == body])
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        sheet.note(np.append((low + high)[:2] / 2, high[2]), (0.0, 30.0), body)
-
-
-def _add_grid(sheet: Sheet, corners: Float, spacing: float) -> None:
-    """Lines at whole multiples of the spacing on the floor or, seen from the side, behind everything."""
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    across = 1 if sheet.camera.screen[2, 2] == 0 else 2
-    level = high[1] if across == 1 else np.clip(0.0, low[2], high[2])
-    first, second = (axis for axis in range(3) if axis != across)
-    for along, other in ((first, second), (second, first)):
-        for at in np.arange(np.ceil(low[other] / spacing), high[other] / spacing) * spacing:
-            ends = np.full((2, 3), level)
-            ends[:, other], ends[:, along] = at, (low[along], high[along])
-            sheet.hidden_line(ends, GRID)
-
-
-def _add_frames(sheet: Sheet, frames: dict[str, Float], names: tuple[str, ...]) -> None:
-    """Three axes and a name for each frame, over all bodies."""
-    for name in (name for name in names if name in frames):
-        origin, length_mm = frames[name][:3, 3], AXIS_PX / sheet.camera.scale_px_mm
-        for axis, colour in zip(frames[name][:3, :3].T, AXES, strict=True):
-            sheet.line(np.array([origin, origin + length_mm * axis]), colour, 3.0)
-        sheet.note(origin, BESIDE_PX, name)
-
-
-def _add_gaps(sheet: Sheet, gaps_mm: list[Float]) -> None:
-    """The shortest distances (2, 3), over all bodies."""
-    for ends in gaps_mm:
-        if sheet.shows(ends):
-            sheet.line(ends, RED, 3.0)
-            sheet.note(ends.mean(axis=0), BESIDE_PX, f"{np.linalg.norm(ends[1] - ends[0]):.1f} mm", RED)
 
 
 def cell_frames(cell: Cell, joints: Float, turntable: Float | float) -> dict[str, Float]:
@@ -248,28 +189,25 @@ def cell_frames(cell: Cell, joints: Float, turntable: Float | float) -> dict[str
 
 
 def view_cell(cell_file: str, posture: str, turntable_deg: float, out: str, tilt_deg: float = 0.0) -> list[str]:
-    """Draws the cell of a file to `out` (PNG); the lines to print.
+    """Draws the cell of a file to the page `out`; the lines to print.
 
     Args:
         cell_file: JSON.
         posture: six joint angles in deg, the controller's, separated by commas.
         turntable_deg: angle of the turntable.
-        out: the picture's name.
+        out: the page's name, `.html`.
         tilt_deg: angle of its tilt.
 
     Raises:
-        WorkbenchError: an unusable file or posture, a picture that cannot be drawn or written; then none is written.
+        WorkbenchError: an unusable file or posture, a page that cannot be drawn or written; then none is written.
     """
-    picture = Path(out)
-    if picture.suffix.lower() != ".png" or picture.is_dir():
-        raise PipelineError(f"--out '{out}'", "expected the name of a picture that ends in .png")
     joints = _angles(posture) * DEG
     cell = read_cell(Path(cell_file))
     external = external_at(cell, turntable_deg, tilt_deg, "--tilt-deg")
     check_posture(cell, joints, external)
-    lines = described(cell, joints, external)
-    write_whole(picture, cell_picture(cell, joints, external))
-    return [*lines, f"picture: {out}"]
+    found = cell_seen(cell, joints, external)
+    write_page(found, Path(out))
+    return [*found.lines, f"page: {out}"]
 
 
 def _angles(text: str) -> Float:

@@ -138,11 +138,10 @@ class EndView(NamedTuple):
 
     @property
     def pixels(self) -> tuple[Shaped[Float, "k 2"], Shaped[Float, " k"]]:
-        """Columns by which a pixel's middle may lie beyond the end, and half of what it sees; and their shares."""
+        """Columns that a pixel may see, and how many of the face give it enough light to return; and their shares."""
         wide, fill = (a.ravel() for a in np.meshgrid(FOOTPRINTS[1:], self.fills[:, 0], indexing="ij"))
-        seen = np.stack([wide * (0.5 - fill), 0.5 * wide], axis=1)
         prior = np.append(self.footprints[0], np.outer(self.footprints[1:], self.fills[:, 1]))
-        return np.concatenate([np.zeros((1, 2)), seen]), prior
+        return np.concatenate([np.zeros((1, 2)), np.stack([wide, wide * fill], axis=1)]), prior
 
 
 def end_phases(moving: bool) -> Float:
@@ -170,7 +169,6 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
 
     And over how far the lower surface returns, where it does.
     """
-    pixels, pixel_prior = view.pixels
     under = 0.5 * math.pi + view.inclination < INCIDENCES  # the lower surface returns
     onward = (ONWARD if under[-1] else ONWARD[:1]) * view.step_mm
     log = np.zeros((templates.size_mm.size, under.size, onward.size))
@@ -184,7 +182,7 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     look = np.zeros(shown.shape, np.int64)
     look[is_seen] = np.arange(is_seen.sum())
     looks = [np.broadcast_to(of, shown.shape)[is_seen] for of in (size, turn, INCIDENCES[:, None], onward)]
-    one = _looked(view, looks, np.log(pixel_prior), pixels[:, 0] * view.step_mm)
+    one = _looked(view, looks)
     log += one.log[look]
     goes_on = size + onward > 0.0
     beyond = np.where(goes_on, size - shown + view.further * view.step_mm, 0.0) - one.past[look]
@@ -212,15 +210,13 @@ class _Looked(NamedTuple):
     fall: Shaped[Float, "v g"]
 
 
-def _looked(view: EndView, looks: list[Float], log_prior: Float, past: Float) -> _Looked:
-    """looks (v,): size, turn, incidence and how far the lower surface returns; of k pixels the prior, and the way past.
-
-    As `seen_end` has them.
-    """
-    shape = looks[0].size, past.size, len(view.phases)
+def _looked(view: EndView, looks: list[Float]) -> _Looked:
+    """looks (v,): size, turn, incidence and how far the lower surface returns, as `seen_end` has them."""
+    prior = view.pixels[1]
+    shape = looks[0].size, prior.size, len(view.phases)
     of, pixel, phase = (np.ravel(one) for one in np.indices(shape))
     size, turn, incidence, onward = (one[of] for one in looks)
-    fall, aside = rendered_end(view, size, turn, incidence, pixel, phase, onward)
+    fall, aside, past = rendered_end(view, size, turn, incidence, pixel, phase, onward)
     seen = fall - aside * view.nearer
     covariance, own = view.known.noise + view.known.free, QUARTER * fall
     score, hooked, amount = np.empty((3, of.size))
@@ -229,14 +225,14 @@ def _looked(view: EndView, looks: list[Float], log_prior: Float, past: Float) ->
     _log_likelihoods(view.known.mean, covariance, seen, np.hypot(own, QUARTER * hook), hook, hooked, amount)
     score = np.logaddexp(math.log(1.0 - HOOKED) + score, math.log(HOOKED) + hooked)
     seen += (HOOKED * np.exp(hooked - score) * amount)[:, None] * hook
-    log = score.reshape(shape) + log_prior[:, None]
+    log = score.reshape(shape) + np.log(prior)[:, None]
     most = log.max(axis=(1, 2), keepdims=True)
     weight = np.exp(log - most)
     total = weight.sum(axis=(1, 2), keepdims=True)
     weight /= total
-    by_pixel = weight.sum(axis=2)
-    mean = by_pixel @ past
-    spread = np.sqrt((by_pixel * (past - mean[:, None]) ** 2).sum(axis=1))
+    past = past.reshape(shape)
+    mean = (weight * past).sum(axis=(1, 2))
+    spread = np.sqrt((weight * (past - mean[:, None, None]) ** 2).sum(axis=(1, 2)))
     evidence = (most + np.log(total / (shape[1] * shape[2])))[:, 0, 0]
     return _Looked(evidence, mean, spread, np.einsum("vkp,vkpg->vg", weight, seen.reshape(*shape, -1)))
 
@@ -252,14 +248,18 @@ def _shown_mm(view: EndView, size: Float, turn: Float, incidence: Float) -> Floa
 
 def rendered_end(
     view: EndView, size: Float, turn: Float, incidence: Float, pixel: Int, phase: Int, onward: Float
-) -> tuple[Float, Float]:
+) -> tuple[Float, Float, Float]:
     """Depths (n, g) of n templates by groups of columns, and from pixels to the middle of what they see (n, g); mm.
+
+    And how far the middle of the last pixel lies beyond the end, (n,) mm.
 
     A quarter circle of radius R leaves the line and is seen up to where its normal stands at the greatest incidence to
     the ray (eq. (12)); a chamfer to its end (eq. (12a)), or not at all. A pixel returns the mean depth of what it sees:
-    of one that the end fills in part, that lies before its middle.
+    of one that the end fills in part, that lies before its middle. A break that is turned from the ray gives less light
+    than the face (Lambert's cosine law).
     """
-    lean, column, pixels = view.inclination, view.step_mm, view.pixels[0]
+    lean, column = view.inclination, view.step_mm
+    wide_mm, lit_mm = column * view.pixels[0][pixel].T
     round_, seen = turn == 0.0, turn + lean < incidence
     shown = _shown_mm(view, size, turn, incidence)
     width = np.diff(view.edges_mm)
@@ -268,29 +268,32 @@ def rendered_end(
     place = view.edges_mm[None, :-1, None] + within  # (p, g, q) before the last return
     falls = np.where(seen & ~round_, np.tan(turn) / np.maximum(1.0 - np.tan(turn) * math.tan(lean), 1e-3), 0.0)
     known = np.stack([np.where(round_, size, 0.0), shown + onward, falls, shown, size], axis=1)
-    depth = np.zeros((size.size, width.size))
-    _depths(known, phase, pixel, place, pixels * column, lean, depth)
-    before = place - column * pixels[:, 0, None, None, None]
-    half = column * pixels[:, 1, None, None, None]
-    return depth, (0.5 * np.maximum(half - before, 0.0)).mean(axis=3)[pixel, phase]
+    light = np.where(round_, 1.0, np.cos(np.minimum(turn + lean, 0.5 * math.pi)) / math.cos(lean))
+    own_mm = shown * light  # a break gives as much light as so much of the face
+    enough_mm = np.where(lit_mm < own_mm, lit_mm / np.maximum(light, 1e-3), lit_mm - own_mm + shown)
+    past = 0.5 * wide_mm - np.where(onward > 0.0, lit_mm, np.minimum(enough_mm, wide_mm))
+    depth, aside = np.zeros((2, size.size, width.size))
+    _depths(known, phase, place, np.stack([past, 0.5 * wide_mm], axis=1), lean, depth, aside)
+    return depth, aside, past
 
 
 @kernel
-def _depths(known: Float, phase: Int, pixel: Int, place: Float, pixels: Float, lean: float, out: Float) -> None:
-    """Fill in depths (n, g) under the line of n templates, known (n, 5).
+def _depths(known: Float, phase: Int, place: Float, pixels: Float, lean: float, out: Float, aside: Float) -> None:
+    """Fill in depths (n, g) under the line of n templates, known (n, 5), and `aside` (n, g) as `rendered_end` has it.
 
     These are the radius or 0, what is seen, the fall of a chamfer, where the lower surface begins, and the size.
 
-    place (p, g, q): of the pixels' middles before the last return; pixels (k, 2): how far they reach, half their width.
+    place (p, g, q): of the pixels' middles before the last return; pixels (n, 2): how far they reach, half their width.
     """
     sine, cosine = math.sin(lean), math.cos(lean)
     for n in range(len(known)):
         radius, shown, falls, under, size = known[n]
-        past, half = pixels[pixel[n]]
+        past, half = pixels[n]
         for g in range(place.shape[1]):
             total, count = 0.0, 0
             for q in range(place.shape[2]):
                 middle = place[phase[n], g, q] - past
+                aside[n, g] += 0.5 * max(half - middle, 0.0) / place.shape[2]
                 if middle - half > shown + ROUNDING:
                     count += WITHIN.size
                     continue

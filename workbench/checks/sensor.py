@@ -176,6 +176,8 @@ def _filled_share(z: Float, digit_mm: float) -> float:
             # what is off is a multiple of 1 / k where ranges are rounded: counts end halfway between two of these
             share, edge = (1.0 / k, (k // 2 + 0.5) / k) if k else (0.0, 0.5)
             there, one, two = np.maximum(1.0, _counts_off(as_input(way), k, share, edge * digit_mm)).tolist()
+            if two - one > SURE_SD * math.sqrt(one + two):
+                continue  # steps wider than this digit, as of a mean of rounded ranges; noise is the denser, the nearer
             flat, bent = 0.25 * (one + two), max((2.0 * one - 0.5 * two) / 3.0, 0.0)  # one and two: on both sides
             peak = max(MOST_MORE, PEAKED * (math.log(one / two) - SURE_SD * math.sqrt(1.0 / one + 1.0 / two)))
             surely = max(

@@ -21,7 +21,8 @@ TURN_DEG = 1.0  # of a hand-eye pose by design, or measured by hand
 SCALE = 1e-3  # of x against z; data sheets of laser profilers tell a few parts in a thousand of the range
 LAYER_MM = 0.05  # a coat of shop primer
 CUT_AWAY_MM = 0.1
-PASSED_COLUMNS = 2.0  # by which an end moves in the part at least, for the column that it stays in to have cut it off
+PASSED_COLUMNS = 2.0  # by which an end moves more than others, at least, for the column that it stays in to cut it off
+IN_QUARTILES = 2.44  # nine tenths of normal values, over its middle half
 NEXT_COLUMNS = 2  # within these of its last return, something behind the face leaves no stripe of it unseen
 MOST_FRAMES, LEAST_FRAMES = 200, 20  # that are looked at; that tell a thickness
 DISAGREES = 3.0  # standard uncertainties
@@ -172,14 +173,17 @@ def cut_by_dark(cloud: Cloud, outwards: Int, place: Float, pitch: Float) -> Bool
     """Frames (N,) in which a face does not end where its returns do: a dark column, over which it moves, ends these.
 
     outwards (N,): columns as `columns_to_next` takes them; place (N,): where returns end beside the part, in mm along
-    its surface; pitch (N,): of the columns there, mm. An end of the part that stays in one column does not move in it.
+    its surface; pitch (N,): of the columns there, mm. An end of the part that stays in one column moves in it no more
+    than others do.
     """
     cut, known = np.zeros(outwards.size, bool), np.isfinite(place)
     dark = dark_beyond(cloud.z_mm, cloud.keep, outwards) & known
+    rest = place[known & ~dark]
+    usual = IN_QUARTILES * float(np.diff(np.quantile(rest, [0.25, 0.75]))[0]) if rest.size >= LEAST_FRAMES else 0.0
     for group, last in np.unique(np.stack([cloud.pass_index[dark], outwards[dark]]), axis=1).T:
         for column in range(last, last - MISSES, -1):  # the last returns may be lost, too
             at = known & (cloud.pass_index == group) & (outwards == column)
-            if at.any() and np.ptp(np.percentile(place[at] / np.median(pitch), [5.0, 95.0])) > PASSED_COLUMNS:
+            if at.any() and np.ptp(np.quantile(place[at], [0.05, 0.95])) > usual + PASSED_COLUMNS * np.median(pitch):
                 cut |= at
             elif column == last:
                 break

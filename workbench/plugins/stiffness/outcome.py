@@ -5,8 +5,10 @@ And these as a chapter of the report: the map with the choice on it, the robot b
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +22,7 @@ from workbench.api import (
     Postures,
     Scene,
     Shaped,
+    Strokes,
     Toolpath,
     base_from_targets,
     cell_strokes,
@@ -43,6 +46,7 @@ from workbench.plugins.stiffness.traversal import (
     PostureMap,
 )
 
+AZIMUTH, ELEVATION = -60.0 * DEG, 22.0 * DEG  # from where a still picture shows the cell
 NO_PLATE = "The cell holds no plate (robot.plate): the path alone is drawn."
 
 
@@ -171,24 +175,41 @@ def _feeds(points: PathPoints, position_mm: Float) -> Float:
 # The report's chapter.
 
 
-def robots_scene(cell: Cell, found: Found) -> Scene:
+def robots(cell: Cell, found: Found) -> dict[str, list[Strokes]]:
     """The robot at the middle of the path, and the path, in the base: as chosen; as planned is not shown at first."""
     made, points, before = found.postures, found.points, found.cases["as planned"]
     at = points.loaded[len(points.loaded) // 2]
-    views = [(", as chosen", made.joints[at], made.turntable[at])]
-    views += [] if before is None else [(", as planned", before.joints[at], before.external[at])]
-    strokes = [
-        one
-        for k, (when, joints, table) in enumerate(views)
-        for way in [mapped(points.moved(cell, table), points.part_mm[points.cutting])]
-        for one in cell_strokes(cell, joints, table, when, way, shown=k == 0)
-    ]
-    return Scene(np.zeros((0, 3)), (), tuple(strokes), (), np.eye(3), axes_names=("x", "y", "z"))
+    views = {"as chosen": (made.joints[at], made.turntable[at])}
+    views |= {} if before is None else {"as planned": (before.joints[at], before.external[at])}
+    return {
+        when: cell_strokes(
+            cell,
+            joints,
+            table,
+            f", {when}",
+            mapped(points.moved(cell, table), points.part_mm[points.cutting]),
+            shown=k == 0,
+        )
+        for k, (when, (joints, table)) in enumerate(views.items())
+    }
+
+
+def still(strokes: Iterable[Strokes]) -> bytes:
+    """Edges of bodies from the right and above, for paper, on which nothing turns (SVG)."""
+    (sine, cosine), (rise, flat) = ((math.sin(angle), math.cos(angle)) for angle in (AZIMUTH, ELEVATION))
+    right, up = np.array([-sine, cosine, 0.0]), np.array([-rise * cosine, -rise * sine, flat])
+    figure = plot.Figure((5.0, 4.6))
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set(aspect="equal", xticks=([], []), yticks=([], []))
+    for one in strokes:
+        for line, colours in zip(one.lines_mm, one.colours, strict=True):
+            axes.plot(line @ right, line @ up, color="#{:02x}{:02x}{:02x}".format(*colours[0]), linewidth=0.7)
+    return figure.svg()
 
 
 def posture_chapter(cell: Cell, found: Found, toolpath: Toolpath) -> Chapter:
     """Map, comparison, robot before and after, displacement along the path."""
-    made = found.postures
+    made, shown = found.postures, robots(cell, found)
     above = "" if found.gap is None else f", {100 * found.gap:.1f} % above the best posture of each single point"
     beside = "" if found.asked is None else "; beside it the margin from chatter, limit over depth"
     summary = (
@@ -209,11 +230,12 @@ def posture_chapter(cell: Cell, found: Found, toolpath: Toolpath) -> Chapter:
         )
         + pieces.heading("The robot at the middle of the path")
         + pieces.SPACE
+        + pieces.panels_html([(still(strokes), when.capitalize()) for when, strokes in shown.items()], pairs=True)
         + ("" if any(shape.body == "workpiece" for shape in cell.shapes) else pieces.paragraph(NO_PLATE))
         + pieces.heading(f"{found.measure.name.capitalize()} and margins along the path")
         + pieces.figure_html(along_picture(cell, found), "Cost and margins along the path")
     )
-    scene = robots_scene(cell, found)
+    scene = Scene(np.zeros((0, 3)), (), tuple(chain(*shown.values())), (), np.eye(3), axes_names=("x", "y", "z"))
     return Chapter("Postures", text, summary=summary, part=toolpath.part, warnings=made.warnings, scene=scene)
 
 

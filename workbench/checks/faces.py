@@ -23,7 +23,6 @@ SAMPLE = 40  # frames with faces
 COUNTED = 500  # frames, of which eight times as many tell the share that shows faces
 LEAST_POINTS = 8  # of a face, to tell its direction
 ON = 2.0 * DEG  # turn, median of the frames, of what goes on elsewhere
-PARTED_DEG = 8.0  # a face beyond the bevel that turns by more is another face: it bends no line of the bevel
 FURTHER = "further_face_deg"
 HOLLOW = 12.0 * DEG  # turn beyond which a surface turns back, and within which it goes on
 RIGHT, UPRIGHT = 90.0 * DEG, 15.0 * DEG  # the plate's surface stands upright on its root face to within this
@@ -150,7 +149,10 @@ def judge_faces(
     clear = _without_rim(cloud, labels, rim_mm) if rim_mm > 0.0 else labels
     shape = {face: straightness(cloud, clear, face) for face in NAMES}
     seen = [one for i in rows if (one := _corner_of(cloud, labels[i], int(i))) is not None]
+    goes_on, further = _beyond_checks(seen, lies_on, given)
     turns = dict.fromkeys(NAMES, _turn_of(seen))
+    if further.value:
+        turns[BEVEL_FACE] = min(turns[BEVEL_FACE], further.value * DEG)  # parted by a bow, it has as much of it
     corner = stands_out(cloud, labels, *NAMES)
     bowed = bowed_mm(shape.values())
     out = corner.corner_mm - bowed
@@ -159,29 +161,27 @@ def judge_faces(
     return (
         check("found_share", share, told, given=given),
         *straight_checks(shape, turns, "a dome, a bar, a cable or a rounded groove", given),
-        *_beyond_checks(seen, lies_on, given),
+        goes_on,
+        further,
         check("corner_stands_out_mm", out, ledge, given=given),
         _ledge_check(corner.by_ledge_mm(bowed)),
     )
 
 
 def _beyond_checks(seen: Sequence[_Corner], lies_on: bool, given: Mapping[str, Bound]) -> tuple[Check, Check]:
-    """What follows beyond a face: hardly turned, it bends its line; beyond the bevel it may be a face of its own."""
-    found = {face: _goes_on(seen, face, lies_on) for face in NAMES}
-    on, off = found[BEVEL_FACE]
-    further = abs(off) if abs(off) > PARTED_DEG and on > most("goes_on_share") else 0.0
+    """What follows beyond a face: beyond the root face, no part of a plate; beyond the bevel it may be a second one."""
+    share, off = _goes_on(seen, BEVEL_FACE, lies_on)
+    further = abs(off) if share > most("goes_on_share") else 0.0
     another = f"beyond the bevel face a further one follows, {further:.0f} deg off its direction: a compound bevel "
     another += "(inspect_preparation.json measures both faces), a land or a fillet"
-    if further:
-        found.pop(BEVEL_FACE)
-    face, (on, off) = max(found.items(), key=lambda one: one[1])
-    bent = f"beyond what would be the {NAMES[face]} the surface goes on, {abs(off):.0f} deg off its direction, in "
-    bent += f"{100 * on:.0f} % of the frames: a compound bevel (inspect_preparation.json), or one that is not straight?"
-    if face == ROOT_FACE and off < -HOLLOW / DEG:
-        bent = f"beside the root face the surface turns up again in {100 * on:.0f} % of the frames: a groove, a step "
-        bent += "in the root face, or a plate that lies on something (let its lower edge stand free by 2 mm)?"
+    share, off = _goes_on(seen, ROOT_FACE, lies_on)
+    bent = f"beyond what would be the root face the surface goes on, {abs(off):.0f} deg off its direction, in "
+    bent += f"{100 * share:.0f} % of the frames: a compound bevel (inspect_preparation.json), or a face that bows?"
+    if off < -HOLLOW / DEG:
+        bent = f"beside the root face the surface turns up again in {100 * share:.0f} % of the frames: a groove, a "
+        bent += "step in the root face, or a plate that lies on something (let its lower edge stand free by 2 mm)?"
     return (
-        check("goes_on_share", on, bent, given=given),
+        check("goes_on_share", share, bent, given=given),
         Check(FURTHER, further, None, True, "the verdict depends on which face is meant", another),
     )
 

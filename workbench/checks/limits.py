@@ -213,7 +213,7 @@ LIMITS: dict[str, Limit] = {
     ),
     "face_bow": Limit(
         0.3,
-        "bow of a face, where it is certain, over the bow of a chord which makes the corner beside it by itself",
+        "bow of a face, where it is certain, over that of a chord which makes the flatter corner beside it by itself",
         "faces of good recordings bow by up to 0.14 of it, which is in u; chords of domes, bars and cables by all of "
         "it, a rounded corner's end by half",
     ),
@@ -233,11 +233,9 @@ LIMITS: dict[str, Limit] = {
     ),
     "goes_on_share": Limit(
         0.3,
-        "share of the frames in which a surface that is none of the plate's follows a face: beyond the bevel 2 to 8 "
-        "deg off it, beyond the root face by more or turned up again, beyond a raw edge's end face by less than a "
-        "right angle",
-        "plates are convex and show none; what hardly turns is the rest of a bevel that bows; the lower bevel of a "
-        "double one is seen in 0.55 to all of the frames",
+        "share of the frames in which a surface that is none of the plate's follows a face: beyond the root face 2 deg "
+        "and more off it or turned up again, beyond a raw edge's end face by less than a right angle",
+        "plates are convex and show none; the lower bevel of a double one is seen in 0.55 to all of the frames",
     ),
     "end_step_columns": Limit(
         4.0,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from workbench.geometry.penalised import BAND, Penalised, penalised
+from workbench.geometry.penalised import BAND, Penalised, beside, penalised
+from workbench.geometry.processes import Process, correlated
 from workbench.units import Float
 
 STRENGTHS = np.array([[1e-2, 1e-3], [0.2, 1e-2], [40.0, 20.0]])  # over the step's powers
@@ -56,7 +57,7 @@ def test_as_dense_algebra(orders: tuple[int, int], step: float, components: int)
     mean = np.einsum("g,gkd->kd", share, np.array(found))
     between = sum(part * ((rows @ (c - mean)) ** 2).mean(axis=1) for c, part in zip(found, share, strict=True))
     np.testing.assert_allclose(made.evidence(all_strengths), scores, rtol=1e-9)
-    coefficients, variance, slope_variance = made.average(all_strengths, share, at)
+    coefficients, variance, slope_variance, _ = made.average(all_strengths, share, at)
     np.testing.assert_allclose(coefficients, mean, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(np.concatenate([variance, slope_variance]), within + between, rtol=1e-8)
 
@@ -77,7 +78,7 @@ def test_a_free_polynomial_is_one_of_a_wide_prior(orders: tuple[int, int], weak:
     matrix[:size, :size] += held
     right = wide.T @ basis.T @ (weight[:, None] * y)
     rows = value @ wide
-    mean, variance, _ = made.average(strengths[None, :], np.ones(1), at)
+    mean, variance, *_ = made.average(strengths[None, :], np.ones(1), at)
     np.testing.assert_allclose(value @ mean, rows @ np.linalg.solve(matrix, right), rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(variance, np.einsum("ij,ji->i", rows, np.linalg.solve(matrix, rows.T)), rtol=1e-6)
     misfit = float((weight[:, None] * y**2).sum() - (right * np.linalg.solve(matrix, right)).sum())
@@ -102,3 +103,21 @@ def test_no_solution_is_told() -> None:
     made, *_ = problem(4.0, 1, (1, 2))
     with pytest.raises(np.linalg.LinAlgError, match="not positive definite"):
         made.evidence(np.array([[-1e-6, -1e-6]]))
+
+
+@pytest.mark.parametrize("passes", [1, 2])
+@pytest.mark.parametrize("orders", [(1, 2), (0, 3)])
+def test_noise_of_neighbours_as_the_whole_covariance(passes: int, orders: tuple[int, int]) -> None:
+    s = np.tile(np.arange(200.0) * 2.0, passes) + 0.3 * np.repeat(np.arange(passes), 200)
+    rough, spread, variance = Process(0.6, 2.0, by_pass=False), np.full(s.size, 0.6), np.full(s.size, 0.01)
+    y = np.random.default_rng(5).normal(np.sin(s / 9.0)[:, None], 0.4, (s.size, 2))
+    plain = penalised(s, y, 1.0 / variance, s[0] + 4.0 * np.arange(-3, 105.0), orders, orders[0] == 0)
+    covariance = rough.covariance(s, spread, np.zeros(s.size)) + np.diag(variance)
+    whole, noise = correlated(plain, s, y, np.linalg.inv(covariance)), rough.near(s, spread, variance, passes)
+    made, at, share = beside(plain, s, y, noise), np.linspace(0.0, 398.0, 99), np.array([0.2, 0.5, 0.3])
+    found = made.evidence(STRENGTHS) - noise.log_determinant
+    np.testing.assert_allclose(found, whole.evidence(STRENGTHS), rtol=1e-5)
+    for one, other in zip(made.average(STRENGTHS, share, at), whole.average(STRENGTHS, share, at), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose((noise.white(y) ** 2).sum(), whole.squares, rtol=1e-4)
+    np.testing.assert_allclose(noise.log_determinant, np.linalg.slogdet(covariance)[1], rtol=1e-5)

@@ -19,7 +19,7 @@ import numpy as np
 from workbench.geometry.blocks import as_input
 from workbench.geometry.medians import median, medians, row_medians
 from workbench.geometry.moves import chords_mm
-from workbench.geometry.penalised import Penalised, penalised
+from workbench.geometry.penalised import LocalNoise, Penalised, beside, penalised
 from workbench.geometry.processes import Correlated, Process, Shared, correlated, shapes_told
 from workbench.geometry.splines import Spline
 from workbench.kernels import kernel
@@ -198,10 +198,12 @@ def _or_rough(
     noise = bins.variance * course.noise_factor
     strengths = [times * math.sqrt(median(noise)) for times in ROUGH_TIMES]
     possible = [Process(one, mm, by_pass=False) for mm in ROUGH_MM for one in strengths]
-    each = [course, *(_under(one, values, bins, stated, orders, None, unseen, BIN_MM) for one in possible)]
-    log = np.array([one.log_evidence for one in each])
+    each = [_under(one, values, bins, stated, orders, None, unseen, BIN_MM) for one in possible]
+    log = np.array([course.log_evidence, *(evidence for evidence, _ in each)])
     log[0] += math.log(len(possible)) - 0.5 * bins.y.shape[1] * float(np.log(noise).sum())
-    mean = _averaged(each, shares(log))
+    share = shares(log)
+    counts = np.flatnonzero(share[1:] > LEAST_SHARE)
+    mean = _averaged([course, *(each[k][1]() for k in counts)], share[[0, *(counts + 1)]])
     evidence = course.log_evidence + float(np.logaddexp.reduce(log) - log[0])
     return replace(
         course,
@@ -261,7 +263,7 @@ def _fit(
     possible = shared.possible
     known = stiffness or (None,) * len(possible)
     each = [
-        _under(process, values, bins, stated, orders, held, unseen, bin_mm)
+        _under(process, values, bins, stated, orders, held, unseen, bin_mm)[1]()
         for (process, _), held in zip(possible, known, strict=True)
     ]
     if len(each) == 1:
@@ -298,17 +300,20 @@ def _under(
     stiffness: Float | None,
     unseen: tuple[float, float],
     bin_mm: float,
-) -> Course:
-    """The course under one process, or none, that values share."""
+) -> tuple[float, Callable[[], Course]]:
+    """The evidence of one process, or none, that values share; and the course under it, for when it is asked for."""
     bins, between, turned = (bins, 0.0, Turned()) if process and process.by_pass else _aligned(bins, orders[0] > 1)
-    together, noise_factor = _noise(bins, stated, orders, process)
+    noise_factor = _noise(bins, stated, orders, process)
     alone = 1.0 if stated else noise_factor  # a bin of one value scatters as the value does
     frame_factor = alone if math.isnan(bins.frame_factor) else bins.frame_factor
     weight = _weight(bins, noise_factor, process)
     knots = _knots(values.s, 2.0 * bin_mm)  # bins end before the values do, and outliers have a place
     trend = _trend(bins, weight, orders[0])  # what no prior holds back; taken off, since sums of squares lose digits
     inside = np.clip(bins.s, knots[3], knots[-4])
-    covariance = None if together is None else np.diag(1.0 / weight) + together
+    together = process.covariance(bins.s, bins.spread, bins.group) if process and process.by_pass else None
+    covariance: Float | LocalNoise | None = None if together is None else np.diag(1.0 / weight) + together
+    if process and together is None:
+        covariance = process.near(bins.s, bins.spread, 1.0 / weight, np.unique(bins.group).size)
     problems = _problems(inside, bins.y - trend(bins.s), weight, knots, orders, covariance)
     hidden = process.density(HIDDEN_MM) if process else 0.0
     grid = _grid(bins, weight, orders, unseen, hidden) if stiffness is None else stiffness[:, :3]
@@ -317,54 +322,61 @@ def _under(
         scores[grid[:, 0] == low] = problem.evidence(grid[grid[:, 0] == low, 1:])
     share = shares(scores)
     evidence = float(np.logaddexp.reduce(scores) - math.log(scores.size))
+    if isinstance(covariance, LocalNoise):
+        evidence -= 0.5 * bins.y.shape[1] * covariance.log_determinant
     counts = share > LEAST_SHARE
     found = np.column_stack([grid[counts], share[counts] / share[counts].sum()])
-    stations = np.linspace(knots[3], knots[-4], min(4 * (knots.size - 7), knots.size + 200))
-    coefficients, value, slope = _average(problems, found, stations, knots)
-    y = bins.y
-    if orders[0] > 1:  # the mean of a bin lies off the bend
-        y = y - 0.5 * bins.spread[:, None] ** 2 * Spline(knots, coefficients)(inside, 2)
-        problems = _problems(inside, y - trend(bins.s), weight, knots, orders, covariance)
-        coefficients, value, slope = _average(problems, found, stations, knots)
-    coefficients = coefficients + trend(knots[2:-2])  # of a straight line these are its values at the knots' averages
-    spline = Spline(knots, coefficients if bins.vector else coefficients[:, 0])
-    left = y - spline(inside).reshape(y.shape)
-    if covariance is None:
-        spent = float((weight * np.interp(bins.s, stations, value)).sum())
-        misfit = _misfit(left, weight, bins.group, spent)
-    else:
-        white, spent = np.linalg.solve(np.linalg.cholesky(covariance), left), _spent(problems, found)
-        misfit = _misfit(white, np.ones(weight.size), bins.group, spent)
-    by_shared = np.zeros((2, stations.size))
-    if together is not None:
-        by_shared = _variance_by(together, problems, found, stations)
-    # Values that leave the course by more are noisier than stated: what they share is as declared.
-    raised = max(1.0, misfit)
-    value, slope = raised * np.stack([value, slope]) + (1.0 - raised) * by_shared
-    value += between + turned.variance * (stations - turned.about_mm) ** 2
-    slope += turned.variance
-    return Course(
-        spline,
-        stations,
-        value,
-        slope,
-        bins.kept,
-        frame_factor,
-        noise_factor,
-        misfit,
-        evidence,
-        (found,),
-        shared_variance=by_shared[0],
-        spent=spent,
-        between=between,
-    )
+
+    def course() -> Course:
+        y, of, each, white = bins.y, problems, weight, np.ones(weight.size)
+        stations = np.linspace(knots[3], knots[-4], min(4 * (knots.size - 7), knots.size + 200))
+        coefficients, value, slope, spent = _average(of, found, stations, knots)
+        if orders[0] > 1:  # the mean of a bin lies off the bend
+            y = y - 0.5 * bins.spread[:, None] ** 2 * Spline(knots, coefficients)(inside, 2)
+            of = _problems(inside, y - trend(bins.s), weight, knots, orders, covariance)
+            coefficients, value, slope, spent = _average(of, found, stations, knots)
+        coefficients = coefficients + trend(knots[2:-2])  # of a straight line its values at the knots' averages
+        spline = Spline(knots, coefficients if bins.vector else coefficients[:, 0])
+        left = y - spline(inside).reshape(y.shape)
+        by_shared = np.zeros((2, stations.size))
+        if covariance is None:
+            spent = float((weight * np.interp(bins.s, stations, value)).sum())
+        elif isinstance(covariance, LocalNoise):
+            left, each = covariance.white(left), white
+        else:
+            left, each = np.linalg.solve(np.linalg.cholesky(covariance), left), white
+        misfit = _misfit(left, each, bins.group, spent)
+        if together is not None:
+            by_shared = _variance_by(together, of, found, stations)
+        # Values that leave the course by more are noisier than stated: what they share is as declared.
+        raised = max(1.0, misfit)
+        value, slope = raised * np.stack([value, slope]) + (1.0 - raised) * by_shared
+        value += between + turned.variance * (stations - turned.about_mm) ** 2
+        slope += turned.variance
+        return Course(
+            spline,
+            stations,
+            value,
+            slope,
+            bins.kept,
+            frame_factor,
+            noise_factor,
+            misfit,
+            evidence,
+            (found,),
+            shared_variance=by_shared[0],
+            spent=spent,
+            between=between,
+        )
+
+    return evidence, course
 
 
 Problems: TypeAlias = Mapping[int, Penalised] | Mapping[int, Correlated]
 
 
 def _problems(
-    s: Float, y: Float, weight: Float, knots: Float, orders: tuple[int, int], covariance: Float | None
+    s: Float, y: Float, weight: Float, knots: Float, orders: tuple[int, int], covariance: Float | LocalNoise | None
 ) -> Problems:
     """The normal equations under each kind of prior, by the order of the lower derivative that it holds back.
 
@@ -376,6 +388,8 @@ def _problems(
         plain[0] = penalised(s, y, weight, knots, (0, SHARPEST), True)
     if covariance is None:
         return plain
+    if isinstance(covariance, LocalNoise):
+        return {low: beside(one, s, y, covariance) for low, one in plain.items()}
     inverse = np.asarray(np.linalg.inv(covariance), dtype=float)
     return {low: correlated(one, s, y, inverse) for low, one in plain.items()}
 
@@ -403,7 +417,7 @@ def _steps(
     Of the values' first component.
     """
     together = process.covariance(bins.s, bins.spread, bins.group)
-    noise_factor = max(_noise_factor(bins, stated, min(orders), together), float(stated))
+    noise_factor = _noise(bins, stated, orders, process)
     weight, knots = _weight(bins, noise_factor, process), _knots(values.s, 2.0 * values.width_mm)
     s, y = np.clip(bins.s, knots[3], knots[-4]), (bins.y - _trend(bins, weight, orders[0])(bins.s))[:, :1]
     inverse = np.asarray(np.linalg.inv(np.diag(1.0 / weight) + together), dtype=float)
@@ -420,7 +434,7 @@ def _steps(
 
 def _few_priors(bins: Bins, stated: bool, orders: tuple[int, int], process: Process) -> Float:
     """Some strengths (j, 2) of all."""
-    weight = _weight(bins, _noise(bins, stated, orders, process)[1], process)
+    weight = _weight(bins, _noise(bins, stated, orders, process), process)
     priors = _grid(bins, weight, orders, (0.0, 1.0), process.density(HIDDEN_MM))
     return priors[priors[:, 0] == orders[0], 1:][::STEP_PRIORS]
 
@@ -457,11 +471,6 @@ def shares(log: Float) -> Float:
     return np.asarray(share / share.sum())
 
 
-def _spent(problems: Problems, priors: Float) -> float:
-    """How many values' worth the course takes, over priors (j, 4) by their shares."""
-    return sum(problem.spent(mine[:, 1:3], mine[:, 3]) for problem, mine in _each(problems, priors))
-
-
 def _variance_by(together: Float, problems: Problems, priors: Float, at: Float) -> Float:
     """What of the variances (2, k) of value and slope at `at` (k,) is by what bins (b, b) share, over all priors."""
     parts = [problem.variance_by(together, mine[:, 1:3], mine[:, 3], at) for problem, mine in _each(problems, priors)]
@@ -476,21 +485,21 @@ def _each(problems: Problems, priors: Float) -> Iterator[tuple[Correlated, Float
             yield problem, mine
 
 
-def _average(problems: Problems, priors: Float, at: Float, knots: Float) -> tuple[Float, Float, Float]:
-    """Mean coefficients, and variances of value and slope at `at`, over priors (j, 4) by their shares (eq. (4))."""
+def _average(problems: Problems, priors: Float, at: Float, knots: Float) -> tuple[Float, Float, Float, float]:
+    """Mean coefficients, variances of value and slope at `at`, bins spent, over priors (j, 4) by their shares."""
     parts = []
     for low, problem in problems.items():
         mine = priors[priors[:, 0] == low]
         if len(mine):
             share = float(mine[:, 3].sum())
             parts.append((share, *problem.average(mine[:, 1:3], mine[:, 3] / share, at)))
-    mean = np.asarray(sum(share * found for share, found, _, _ in parts))
+    mean = np.asarray(sum(share * found for share, found, *_ in parts))
     value, slope = np.zeros(at.size), np.zeros(at.size)
-    for share, found, value_variance, slope_variance in parts:
+    for share, found, value_variance, slope_variance, _ in parts:
         off = Spline(knots, found - mean)
         value += share * (value_variance + (off(at) ** 2).mean(axis=1))
         slope += share * (slope_variance + (off(at, 1) ** 2).mean(axis=1))
-    return mean, value, slope
+    return mean, value, slope, sum(share * spent for share, *_, spent in parts)
 
 
 def _misfit(left: Float, weight: Float, group: Int, spent: float) -> float:
@@ -797,13 +806,12 @@ def _weight(bins: Bins, noise_factor: float, process: Process | None) -> Float:
     return 1.0 / (bins.variance * noise_factor + (process.least_variance if process else 0.0))
 
 
-def _noise(bins: Bins, stated: bool, orders: tuple[int, int], process: Process | None) -> tuple[Float | None, float]:
-    """Covariance (b, b) of what the bins share, and the factor of their own variances beside it."""
-    together = process.covariance(bins.s, bins.spread, bins.group) if process else None
-    return together, max(_noise_factor(bins, stated, min(orders), together), float(stated))
+def _noise(bins: Bins, stated: bool, orders: tuple[int, int], process: Process | None) -> float:
+    """The factor of the bins' own variances, beside what they share."""
+    return max(_noise_factor(bins, stated, min(orders), process), float(stated))
 
 
-def _noise_factor(bins: Bins, stated: bool, order: int, together: Float | None) -> float:
+def _noise_factor(bins: Bins, stated: bool, order: int, process: Process | None) -> float:
     """Variance of the bins' means over the stated one, from what each differs from its neighbours (eq. (2)).
 
     From their line, where a course is constant but for waves (order 1), from the cubic of four where it is straight but
@@ -818,7 +826,7 @@ def _noise_factor(bins: Bins, stated: bool, order: int, together: Float | None) 
     k = np.arange(reach, bins.s.size - reach)
     k = k[parted[k - reach] == parted[k + reach]]
     if k.size < 4:
-        return _noise_factor(bins, stated, 1, together) if order > 1 else max(known, LEAST_FACTOR)
+        return _noise_factor(bins, stated, 1, process) if order > 1 else max(known, LEAST_FACTOR)
     beside = np.concatenate([np.arange(-reach, 0), np.arange(1, reach + 1)])
     at = bins.s[k[:, None] + beside] - bins.s[k][:, None]
     share = np.stack(
@@ -832,9 +840,10 @@ def _noise_factor(bins: Bins, stated: bool, order: int, together: Float | None) 
     expected = bins.variance[k] + (share**2 * bins.variance[k[:, None] + beside]).sum(axis=1)
     z2 = (off**2).mean(axis=1) / expected  # of all components: the frame that they are given in does not matter
     found = _bounded_mean(z2)
-    if together is not None:
+    if process:
         row, column = np.concatenate([np.ones((k.size, 1)), -share], axis=1), k[:, None] + np.append(0, beside)
-        alike = np.einsum("ki,kij,kj->k", row, together[column[:, :, None], column[:, None, :]], row) / expected
+        together = process.covariance(bins.s[column], bins.spread[column], bins.group[column])
+        alike = np.einsum("ki,kij,kj->k", row, together, row) / expected
         least = LEAST_OWN * found  # or no digits are left
         for _ in range(RESETTLED):  # what is left beside what they share
             found *= _bounded_mean(z2 / (found + alike))

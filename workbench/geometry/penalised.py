@@ -1,26 +1,50 @@
 """A cubic spline on equal steps that two of its derivatives hold back, compiled: what `geometry.course` asks of it.
 
-All matrices are symmetric and banded: row i of one holds its entries with i, i - 1, i - 2 and i - 3. So everything is
-linear in the length of the edge, the variances too: they need the inverse within a few columns of its diagonal alone,
-which follows from the factor row by row (Takahashi et al. 1973).
+All matrices are symmetric and banded: row i of one holds its entries with i, i - 1, i - 2 and i - 3, and with further
+ones where neighbouring values share noise. So everything is linear in the length of the edge, the variances too: they
+need the inverse within a few columns of its diagonal alone, which follows from the factor row by row (Takahashi et al.
+1973).
 """
 
 from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from workbench.geometry.blocks import as_input
 from workbench.kernels import kernel
-from workbench.units import Float, Int, Shaped
+from workbench.units import Bool, Float, Int, Shaped
 
 BAND = 4
 SLOPE_MM = 0.5  # a slope is that of the chord from so far before to so far after
 FAR, APART = 1e100, 4  # products of many factors, whose logarithm is wanted: looked at every so many for an overflow
 LANES = 8  # strengths that are tried at once
+
+
+class LocalNoise(NamedTuple):
+    """Noise that values share with those near them, in windows of values: what lies farther off counts nothing."""
+
+    order: Shaped[Int, " n"]  # of the values along the edge
+    of: Shaped[Int, "k w"]  # values of each window, in that order
+    own: Shaped[Bool, "k w"]  # those that no other window has
+    inverse: Shaped[Float, "k w w"]  # of their covariance
+    factor: Shaped[Float, "k w w"]  # of Cholesky
+    reach: int  # values before and after one that count
+
+    @property
+    def log_determinant(self) -> float:
+        """Of the covariance of all."""
+        return 2.0 * float(np.log(np.diagonal(self.factor, axis1=1, axis2=2)[self.own]).sum())
+
+    def white(self, y: Float) -> Float:
+        """Values y (n, d), in their own order, without the noise that they share, in units of what is left."""
+        out = np.empty(y.shape)
+        out[self.order] = np.linalg.solve(self.factor, y[self.order][self.of])[self.own]
+        return out
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,7 +54,7 @@ class Penalised:
     first: float  # arc length of the first knot within
     step: float  # between knots
     squares: float  # y' W y
-    normal: Shaped[Float, "K BAND"]  # B' W B
+    normal: Shaped[Float, "K w"]  # B' W B
     right: Shaped[Float, "K d"]  # B' W y
     roughness: Shaped[Float, "2 K BAND"]  # Q1, Q2
     waves: Float  # (2, K - lower order) their eigenvalues, but for the ends
@@ -48,16 +72,17 @@ class Penalised:
         )
         return _finite(scores)
 
-    def average(self, strengths: Float, share: Float, at: Float) -> tuple[Float, Float, Float]:
+    def average(self, strengths: Float, share: Float, at: Float) -> tuple[Float, Float, Float, float]:
         """Mean coefficients (K, d), variance of value and slope (m,) at places (m,), over strengths (j, 2) by shares.
 
-        Eq. (4) of docs/method.md. Raises LinAlgError: a matrix is not positive definite.
+        And how many values' worth the course takes. Eq. (4) of docs/method.md. Raises LinAlgError: a matrix is not
+        positive definite.
         """
         before, after = np.maximum(at - SLOPE_MM, at[0]), np.minimum(at + SLOPE_MM, at[-1])
         value_first, value = self._rows(at)
         low_first, low = self._rows(before)
         high_first, high = self._rows(after)
-        width = int((high_first - low_first).max()) + BAND
+        width = max(int((high_first - low_first).max()) + BAND, self.normal.shape[1])
         rows = np.zeros((2, at.size, width))
         rows[0, :, :BAND] = value
         rows[1, :, :BAND] = -low
@@ -66,7 +91,7 @@ class Penalised:
         rows[1] /= (after - before)[:, None]
         firsts = np.concatenate([value_first, low_first])
         mean, variance = np.empty(self.right.shape), np.empty(2 * at.size)
-        _average(
+        spent = _average(
             self.normal,
             self.right,
             self.roughness,
@@ -78,7 +103,7 @@ class Penalised:
             mean,
             variance,
         )
-        return mean, _finite(variance[: at.size]), variance[at.size :]
+        return mean, _finite(variance[: at.size]), variance[at.size :], spent
 
     def rows(self, at: Float) -> tuple[Float, Float]:
         """What coefficients count in value and slope (m, K) at places (m,) within the knots."""
@@ -122,10 +147,26 @@ def penalised(
     return Penalised(float(knots[3]), step, squares, normal, right, roughness, waves, line)
 
 
+def beside(plain: Penalised, s: Float, y: Float, noise: LocalNoise) -> Penalised:
+    """The same with the normal equations of values y (n, d) at s (n,) whose noise neighbours share.
+
+    A whole number of coefficients apart, which noise joins, the matrix has entries: it is as wide.
+    """
+    first, rows = plain._rows(s[noise.order])
+    joined = first[min(noise.reach, s.size - 1) :]
+    width = int((joined - first[: joined.size]).max()) + BAND
+    normal, right = np.zeros((plain.normal.shape[0], width)), np.zeros(plain.right.shape)
+    squares = _add_shared(noise.of, noise.own, noise.inverse, first, rows, as_input(y[noise.order]), normal, right)
+    free = plain.free
+    if free.shape[1]:
+        free = np.stack([free[0], free[1], _times(normal, free[0])])
+    return replace(plain, squares=squares, normal=normal, right=right, free=free)
+
+
 def _times(matrix: Float, x: Float) -> Float:
-    """Product of a matrix (K, BAND) with x (K,)."""
+    """Product of a matrix (K, w) with x (K,)."""
     out = matrix[:, 0] * x
-    for k in range(1, BAND):
+    for k in range(1, matrix.shape[1]):
         out[k:] += matrix[k:, k] * x[:-k]
         out[:-k] += matrix[k:, k] * x[k:]
     return np.asarray(out)
@@ -181,29 +222,60 @@ def _add_up(s: Float, y: Float, weight: Float, first_knot: float, step: float, n
                 right[i + p, d] += weight[k] * row[p] * y[k, d]
 
 
+@kernel
+def _add_shared(
+    of: Int, own: Bool, inverse: Float, first: Int, rows: Float, y: Float, normal: Float, right: Float
+) -> float:
+    """Add to B' M B and B' M y what windows of values (k, w) count with their inverses (k, w, w); and return y' M y."""
+    squares, width = 0.0, normal.shape[1]
+    for k in range(of.shape[0]):
+        for a in range(of.shape[1]):
+            if not own[k, a]:
+                continue
+            i = of[k, a]
+            for b in range(of.shape[1]):
+                j, m = of[k, b], inverse[k, a, b]
+                for d in range(y.shape[1]):
+                    squares += y[i, d] * m * y[j, d]
+                for p in range(BAND):
+                    part = rows[i, p] * m
+                    for d in range(y.shape[1]):
+                        right[first[i] + p, d] += part * y[j, d]
+                    for q in range(BAND):
+                        apart = first[i] + p - first[j] - q
+                        if 0 <= apart < width:
+                            normal[first[i] + p, apart] += part * rows[j, q]
+    return squares
+
+
 @kernel(error_model="numpy")
 def _factor(normal: Float, roughness: Float, held: Float, low: Float, logs: Float) -> None:
-    """Fill `low` (3 + K, 4, L) with the factors of A for L strengths, 1 / the diagonal in column 0; logs (L,) of it.
+    """Fill `low` (w - 1 + K, w, L) with the factors of A for L strengths, 1 / the diagonal in column 0; its logs (L,).
 
-    held (2, L): 1 / strengths. The first three rows are 0. Each row waits for the one before: several strengths at once
+    held (2, L): 1 / strengths. The first w - 1 rows are 0. Each row waits for the one before: several strengths at once
     take little longer than one.
     """
-    product, lanes = np.ones(logs.size), logs.size
-    low[:3] = 0.0
+    (size, width), lanes = normal.shape, logs.size
+    product = np.ones(lanes)
+    low[: width - 1] = 0.0
     logs[:] = 0.0
-    for i in range(normal.shape[0]):
-        n0, n1, n2, n3 = normal[i, 0], normal[i, 1], normal[i, 2], normal[i, 3]
-        p0, p1, p2, p3 = roughness[0, i, 0], roughness[0, i, 1], roughness[0, i, 2], roughness[0, i, 3]
-        q0, q1, q2, q3 = roughness[1, i, 0], roughness[1, i, 1], roughness[1, i, 2], roughness[1, i, 3]
-        third, second, first, here = low[i], low[i + 1], low[i + 2], low[i + 3]
-        for m in range(lanes):
-            a, b = held[0, m], held[1, m]
-            c3 = (n3 + a * p3 + b * q3) * third[0, m]
-            c2 = (n2 + a * p2 + b * q2 - c3 * second[1, m]) * second[0, m]
-            c1 = (n1 + a * p1 + b * q1 - c3 * first[2, m] - c2 * first[1, m]) * first[0, m]
-            c0 = math.sqrt(n0 + a * p0 + b * q0 - c1 * c1 - c2 * c2 - c3 * c3)
-            here[0, m], here[1, m], here[2, m], here[3, m] = 1.0 / c0, c1, c2, c3
-            product[m] *= c0
+    for i in range(size):
+        here = low[i + width - 1]
+        for k in range(width - 1, -1, -1):
+            beside, n = low[i + width - 1 - k], normal[i, k]
+            p, q = (roughness[0, i, k], roughness[1, i, k]) if k < BAND else (0.0, 0.0)
+            for m in range(lanes):
+                here[k, m] = n + held[0, m] * p + held[1, m] * q
+            for j in range(k + 1, width):
+                for m in range(lanes):
+                    here[k, m] -= here[j, m] * beside[j - k, m]
+            for m in range(lanes):
+                if k:
+                    here[k, m] *= beside[0, m]
+                else:
+                    root = math.sqrt(here[0, m])
+                    here[0, m] = 1.0 / root
+                    product[m] *= root
         if i % APART == 0:
             _take_apart(product, logs)
     for m in range(lanes):
@@ -220,22 +292,26 @@ def _take_apart(product: Float, logs: Float) -> None:
 
 @kernel
 def _forward(low: Float, right: Float, d: int, out: Float) -> None:
-    """Fill `out` (3 + K, L) with the solutions of L out = right[:, d] for the L factors of `low`, below 3 rows of 0."""
-    out[:3] = 0.0
-    for i in range(right.shape[0]):
-        value, row = right[i, d], low[i + 3]
-        for m in range(out.shape[1]):
-            left = value - row[1, m] * out[i + 2, m] - row[2, m] * out[i + 1, m] - row[3, m] * out[i, m]
-            out[i + 3, m] = left * row[0, m]
+    """Fill `out` (w - 1 + K, L) with the solutions of L out = right[:, d] for the factors of `low`, below rows of 0."""
+    width, lanes = low.shape[1], out.shape[1]
+    out[: width - 1] = 0.0
+    for i in range(width - 1, low.shape[0]):
+        for m in range(lanes):
+            out[i, m] = right[i - width + 1, d]
+        for k in range(width - 1, 0, -1):
+            for m in range(lanes):
+                out[i, m] -= low[i, k, m] * out[i - k, m]
+        for m in range(lanes):
+            out[i, m] *= low[i, 0, m]
 
 
 @kernel
 def _backward(low: Float, solved: Float) -> None:
     """Replace `solved` (K,) by the solution of L' x = solved."""
-    size = solved.size
+    size, width = low.shape
     for i in range(size - 1, -1, -1):
         w = solved[i]
-        for k in range(1, min(size - 1 - i, 3) + 1):
+        for k in range(1, min(size - i, width)):
             w -= low[i + k, k] * solved[i + k]
         solved[i] = w * low[i, 0]
 
@@ -251,8 +327,8 @@ def _evidence(
     strengths: Float,
     scores: Float,
 ) -> None:
-    (size, components), is_free = right.shape, free.shape[1] > 0
-    fixed = 0.0
+    (size, components), is_free, width = right.shape, free.shape[1] > 0, normal.shape[1]
+    fixed, rows = 0.0, size + width - 1
     for i in range(free.shape[1]):
         fixed += free[0, i] * free[1, i]
     for first in range(0, strengths.shape[0], LANES):
@@ -260,7 +336,7 @@ def _evidence(
         held, logs, misfit, inner = np.empty((2, lanes)), np.empty(lanes), np.full(lanes, squares), np.zeros(lanes)
         for m in range(lanes):
             held[0, m], held[1, m] = 1.0 / strengths[first + m, 0], 1.0 / strengths[first + m, 1]
-        low, solved, bent = np.empty((size + 3, 4, lanes)), np.empty((size + 3, lanes)), np.empty((size + 3, lanes))
+        low, solved, bent = np.empty((rows, width, lanes)), np.empty((rows, lanes)), np.empty((rows, lanes))
         _factor(normal, roughness, held, low, logs)
         if is_free:
             _forward(low, free[1:2].T, 0, bent)
@@ -311,7 +387,7 @@ def _inverse(low: Float, out: Float) -> None:
     for i in range(size - 1, -1, -1):
         for m in range(width - 1, -1, -1):
             total = low[i, 0] if m == 0 else 0.0
-            for k in range(1, min(size - 1 - i, 3) + 1):
+            for k in range(1, min(size - i, low.shape[1])):
                 if i + m < size:
                     total -= low[i + k, k] * out[i + min(m, k), abs(m - k)]
             out[i, m] = total * low[i, 0] if i + m < size else 0.0
@@ -329,14 +405,16 @@ def _average(
     rows: Float,
     mean: Float,
     variance: Float,
-) -> None:
-    """Fill mean (K, d) and variance (m,) of rows (m, w), each from its first coefficient on."""
+) -> float:
+    """Fill mean (K, d) and variance (m,) of rows (m, w), each from its first coefficient on; return what is spent."""
+    spent = 0.0
     size, components = right.shape
     width = rows.shape[1]
-    factors, held, logs = np.empty((size + 3, 4, 1)), np.empty((2, 1)), np.empty(1)
-    one, other = np.zeros((size + 3, 1)), np.zeros((size + 3, 1))
-    low, inverse = factors.reshape((size + 3, 4))[3:], np.empty((size, width))
-    bent, solved = one.reshape(size + 3)[3:], other.reshape(size + 3)[3:]
+    before = normal.shape[1] - 1
+    factors, held, logs = np.empty((before + size, before + 1, 1)), np.empty((2, 1)), np.empty(1)
+    one, other = np.zeros((before + size, 1)), np.zeros((before + size, 1))
+    low, inverse = factors.reshape((before + size, before + 1))[before:], np.empty((size, width))
+    bent, solved = one.reshape(before + size)[before:], other.reshape(before + size)[before:]
     is_free, inner = free.shape[1] > 0, 0.0
     found = np.empty((strengths.shape[0], size, components))
     mean[:] = 0.0
@@ -362,6 +440,7 @@ def _average(
                 found[j, i, d] = solved[i] + added * bent[i]
                 mean[i, d] += share[j] * found[j, i, d]
         _inverse(low, inverse)
+        spent += share[j] * _spent(normal, inverse, bent, inner)
         for r in range(first.size):
             total = _form(rows, r, first[r], inverse)
             if is_free:
@@ -371,6 +450,20 @@ def _average(
                 total += off * off / inner
             variance[r] += share[j] * total
     _add_spread(found, mean, share, first, rows, variance)
+    return spent
+
+
+@kernel(error_model="numpy")
+def _spent(normal: Float, inverse: Float, bent: Float, inner: float) -> float:
+    """Trace of the inverse (`_inverse`), with what is free of bent (K,) if inner is not 0, times B' M B."""
+    total = 0.0
+    for i in range(normal.shape[0]):
+        for k in range(min(i + 1, normal.shape[1])):
+            entry = inverse[i - k, k]
+            if inner != 0.0:
+                entry += bent[i - k] * bent[i] / inner
+            total += (2.0 if k else 1.0) * normal[i, k] * entry
+    return total
 
 
 @kernel(error_model="numpy")

@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.geometry.penalised import BAND, Penalised
-from workbench.units import Float, Int, Shaped
+from workbench.geometry.penalised import BAND, LocalNoise, Penalised
+from workbench.units import AnyArray, Float, Int, Shaped
 
+WINDOW = 16  # values of each pass on either side of one: farther off, what roughness makes alike is below 1e-6
 LEAST = 1e-3  # of a process is each value's own: values without noise leave no matrix that can be factored
 
 
@@ -33,15 +34,27 @@ class Process(NamedTuple):
     jerks: bool = False
 
     def covariance(self, s: Float, spread: Float, group: Int) -> Float:
-        """Covariance (b, b) of means over values that lie about s (b,) by `spread` (b,), mm, in passes (b,)."""
-        off, wide = s[:, None] - s, spread[:, None] ** 2 + spread**2
+        """Covariance (..., b, b) of means over values that lie about s (..., b) by `spread`, mm, in passes `group`."""
+        off, wide = (np.subtract(*_pairs(s)), np.add(*_pairs(spread**2)))
         if self.jerks:  # values of two bins lie so far apart on average, however near the bins
             alike = np.exp(-np.hypot(off, np.sqrt(2.0 / math.pi * wide)) / self.length_mm)
         else:
             wide = wide + self.length_mm**2
             alike = self.length_mm / np.sqrt(wide) * np.exp(-0.5 * off**2 / wide)
-        mine = group[:, None] == group if self.by_pass else True
+        mine = np.equal(*_pairs(group)) if self.by_pass else True
         return np.asarray(np.where(mine, self.strength**2 * alike, 0.0))
+
+    def near(self, s: Float, spread: Float, variance: Float, passes: int) -> LocalNoise:
+        """What values share by a process that is short beside the edge, with variances (b,) of their own."""
+        order, reach = np.argsort(s, kind="stable"), WINDOW * passes
+        width = min(s.size, 4 * reach)
+        starts = np.arange(0, s.size, 2 * reach if width < s.size else width)
+        index = np.clip(starts - reach, 0, s.size - width)[:, None] + np.arange(width)
+        own = (index >= starts[:, None]) & (index < np.append(starts[1:], s.size)[:, None])
+        covariance = self.covariance(s[order[index]], spread[order[index]], order[index])
+        covariance += variance[order[index]][..., None] * np.eye(width)
+        inverse, factor = (np.asarray(of(covariance), dtype=float) for of in (np.linalg.inv, np.linalg.cholesky))
+        return LocalNoise(order, index, own, inverse, factor, reach)
 
     @property
     def least_variance(self) -> float:
@@ -63,6 +76,11 @@ class Process(NamedTuple):
         if self.jerks:
             return 2.0 * self.strength**2 * self.length_mm / (1.0 + waves**2)
         return self.strength**2 * math.sqrt(2.0 * math.pi) * self.length_mm * math.exp(-0.5 * waves**2)
+
+
+def _pairs(of: AnyArray) -> tuple[AnyArray, AnyArray]:
+    """Each of (..., b) against each."""
+    return of[..., :, None], of[..., None, :]
 
 
 class Shared(NamedTuple):
@@ -112,7 +130,7 @@ class Correlated:
         scores = 0.5 * (low[:, size:, :size] ** 2).sum(axis=(1, 2)) - components * logs
         return np.asarray(scores - 0.5 * self.squares + 0.5 * components * np.linalg.slogdet(self.inverse)[1])
 
-    def average(self, strengths: Float, share: Float, at: Float) -> tuple[Float, Float, Float]:
+    def average(self, strengths: Float, share: Float, at: Float) -> tuple[Float, Float, Float, float]:
         """As `Penalised.average`. Raises LinAlgError likewise."""
         covariance = self.covariance(strengths)
         answers = covariance @ self.right
@@ -120,7 +138,7 @@ class Correlated:
         off = np.concatenate(np.asarray(answers - mean), axis=1)
         spread = np.tensordot(share, covariance, 1) + off * np.repeat(share / mean.shape[1], mean.shape[1]) @ off.T
         value, slope = self._variances(spread, at)
-        return mean, value, slope
+        return mean, value, slope, float(share @ (covariance * self.normal).sum(axis=(1, 2)))
 
     def variance_by(self, noise: Float, strengths: Float, share: Float, at: Float) -> Float:
         """What of the variances (2, m) of value and slope at places (m,) is by noise of covariance (n, n)."""
@@ -130,10 +148,6 @@ class Correlated:
     def _variances(self, spread: Float, at: Float) -> Float:
         """Those (2, m) of value and slope at places (m,) by the covariance (K, K) of the coefficients."""
         return np.stack([((rows @ spread) * rows).sum(axis=1) for rows in self.plain.rows(at)])
-
-    def spent(self, strengths: Float, share: Float) -> float:
-        """How many values' worth the course takes, on average over strengths (j, 2) by shares (j,)."""
-        return float(share @ (self.covariance(strengths) * self.normal).sum(axis=(1, 2)))
 
     def covariance(self, strengths: Float) -> Float:
         """Of the coefficients (j, K, K), by pairs of strengths (j, 2). Raises LinAlgError likewise."""

@@ -31,3 +31,15 @@ def test_a_number_that_a_pipeline_gives_is_the_stage_s_default(name: str) -> Non
             except PipelineError:  # it has none
                 continue
             assert alone in (None, step.parameters[key]), f"{step.id}.{key}"
+
+
+@pytest.mark.parametrize(
+    "name", ["closed_loop", *(f"inspect_{one}" for one in ("bevel", "groove", "preparation")), "plan_bevel"]
+)
+def test_what_no_recording_shows_can_be_said_of_every_edge_that_is_judged_or_milled(name: str) -> None:
+    document = json.loads((PIPELINES / f"{name}.json").read_text())
+    edges = [step for step in document["stages"] if step["stage"].startswith("edge.segment")]
+    said = {key: f"${{{key}}}" for key in ("edge_condition", "sensor", "robot_noise_mm", "robot_noise_length_mm")}
+    assert edges
+    assert said.keys() <= document["inputs"].keys()
+    assert all(said.items() <= step.items() for step in edges)

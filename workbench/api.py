@@ -14,6 +14,7 @@ from workbench.geometry import estimator
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.moves import chords_mm
 from workbench.geometry.poses import (
+    frame_about,
     interpolate_poses,
     inverse,
     mapped,
@@ -142,6 +143,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "external_at",
     "finite_number",
     "forward_kinematics",
+    "frame_about",
     "interpolate_poses",
     "inverse",
     "inverse_kinematics",

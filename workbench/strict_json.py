@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from workbench.errors import InputError
 from workbench.storage import encoding_slip, regular_file
 
 MAX_BYTES = 2**24
+MAX_DEPTH = 32
 
 
 def read_json(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
@@ -33,46 +35,75 @@ def read_any_json(path: Path, max_bytes: int = MAX_BYTES) -> Any:
     """
     if regular_file(path).st_size > max_bytes:
         raise InputError(str(path), f"expected JSON of at most {max_bytes} bytes")
-
-    def constant(name: str, what: str = "") -> NoReturn:
-        line = text.count("\n", 0, text.find(name)) + 1
-        raise InputError(f"{path}: line {line}", f"expected JSON numbers, found {what or name}")
-
-    def finite(digits: str) -> float:
-        value = float(digits)
-        return value if math.isfinite(value) else constant(digits, f"{digits[:20]}..., beyond float64")
-
-    def whole(digits: str) -> int:
-        finite(digits)
-        return int(digits)
-
-    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        made = dict(pairs)
-        if len(made) < len(pairs):
-            twice = next(key for key, _ in pairs if sum(key == other for other, _ in pairs) > 1)
-            raise InputError(f"{path}: $.{twice}", "occurs twice")
-        return made
-
-    hooks: dict[str, Any] = {
-        "parse_constant": constant,
-        "parse_float": finite,
-        "parse_int": whole,
-        "object_pairs_hook": unique,
-    }
-    text = ""
     try:
-        text = path.read_bytes().decode("utf-8-sig")
-        return json.loads(text, **hooks)
+        return parse_json(path.read_bytes(), str(path), "$")
+    except OSError as error:
+        raise InputError(str(path), f"expected JSON: {error.strerror}") from None
+    except InputError as error:
+        raise InputError(error.where, f"expected JSON: {error.expected}") from None
+
+
+class _Refused(NamedTuple):
+    """Stands in the parsed tree for what JSON does not allow, until its place is known."""
+
+    why: str
+
+
+def parse_json(content: bytes, name: str, root: str = "", *, shallow: bool = False) -> Any:
+    """Strict JSON; messages call it `name`, and its top `root`. `shallow`: of at most MAX_DEPTH levels.
+
+    Raises:
+        InputError: no UTF-8, no JSON, a key twice, NaN, a number beyond float64, nested too deeply.
+    """
+    refused: list[_Refused] = []
+
+    def refuse(why: str) -> _Refused:
+        refused.append(_Refused(why))
+        return refused[-1]
+
+    def number(kind: type[float] | type[int], digits: str) -> Any:
+        value = kind(digits)
+        return value if math.isfinite(float(digits)) else refuse("expected a finite number")
+
+    def unique(pairs: list[tuple[str, Any]]) -> Any:
+        made = dict(pairs)
+        if len(made) == len(pairs):
+            return made
+        twice = next(key for key, _ in pairs if sum(key == other for other, _ in pairs) > 1)
+        return refuse(f"key '{twice}' occurs twice")
+
+    hooks: dict[str, Any] = {"parse_float": partial(number, float), "parse_int": partial(number, int)}
+    hooks |= {"parse_constant": lambda text: refuse(f"{text} is not JSON"), "object_pairs_hook": unique}
+    deep = InputError(name, f"is nested deeper than {MAX_DEPTH} levels")
+    try:
+        tree = json.loads(content.decode("utf-8-sig"), **hooks)
     except json.JSONDecodeError as error:
-        raise InputError(
-            f"{path}: line {error.lineno}, column {error.colno}", f"expected JSON: {json_slip(error)}"
-        ) from None
+        raise InputError(f"{name}: line {error.lineno}, column {error.colno}", json_slip(error)) from None
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: byte {error.start}", f"expected JSON in UTF-8{encoding_slip(error)}") from None
+        line, slip = content.count(b"\n", 0, error.start) + 1, encoding_slip(error)
+        raise InputError(f"{name}: line {line}", f"is not UTF-8 text (byte {error.start}){slip}") from None
     except RecursionError:
-        raise InputError(str(path), "expected JSON nested less deeply") from None
-    except (OSError, ValueError) as error:  # ValueError: an integer of thousands of digits
-        raise InputError(str(path), f"expected JSON: {getattr(error, 'strerror', None) or error}") from None
+        raise deep from None
+    except ValueError:  # an integer of thousands of digits
+        raise InputError(name, "holds a number with too many digits") from None
+    for place, value, depth in _walk(root, tree) if refused or shallow else ():
+        if shallow and depth > MAX_DEPTH:
+            raise deep
+        if isinstance(value, _Refused):
+            raise InputError(f"{name}: {place.lstrip('.')}" if place else name, value.why)
+    return tree
+
+
+def _walk(root: str, tree: Any) -> Iterator[tuple[str, Any, int]]:
+    """Every value with its JSON path and depth, in the order of the file."""
+    stack = [(root, tree, 0)]
+    while stack:
+        place, value, depth = stack.pop()
+        yield place, value, depth
+        if isinstance(value, dict):
+            stack += [(f"{place}.{key}", part, depth + 1) for key, part in reversed(value.items())]
+        elif isinstance(value, list):
+            stack += [(f"{place}[{i}]", part, depth + 1) for i, part in reversed([*enumerate(value)])]
 
 
 def json_slip(error: json.JSONDecodeError) -> str:

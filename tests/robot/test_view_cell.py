@@ -29,6 +29,7 @@ def test_the_view_shows_what_the_words_say(cell_file: Any, command: Any, tmp_pat
     """Frames and bodies by name, and each clearance that is told as a line of that length."""
     out = tmp_path / "cell.html"
     told = command("view-cell", cell_file(), "--out", out).out
+    assert "Nothing speaks against it: 1 check passed." in out.read_text(encoding="utf-8")
     view = json.loads(re.search(r'class="scene">(.*?)</script>', out.read_text(encoding="utf-8"))[1])
     drawn = {one["name"]: np.frombuffer(base64.b64decode(one["points"]), "<f4") for one in view["strokes"]}
     assert {"robot", "tool", "turntable"} <= drawn.keys()

@@ -62,7 +62,7 @@ def entry(matrix: Any, i: int, j: int, value: Any) -> list[list[Any]]:
 
 BAD = {
     "not JSON": ('{"flange_from_profiler":\n [1,,]}', "line 2, column 5"),
-    "NaN": (json.dumps(calibration(volume_u_mm=float("nan"))), "found NaN"),
+    "NaN": (json.dumps(calibration(volume_u_mm=float("nan"))), "$.volume_u_mm: expected JSON: NaN is not JSON"),
     "binary": ("\x00\x01", "expected JSON"),
     "nested without end": ("[" * 200_000, "expected JSON"),
     "a key twice": ('{"method": 1, "method": 2}', "occurs twice"),
@@ -91,7 +91,7 @@ BAD = {
     "null": (calibration(flange_from_profiler=entry(POSE, 0, 3, None)), "flange_from_profiler[0][3]"),
     "number beyond floats": (
         calibration(flange_from_profiler=entry(POSE, 0, 3, 10**400)),
-        "line 1: expected JSON numbers",
+        "flange_from_profiler[0][3]: expected JSON: expected a finite number",
     ),
     "mirrored": (calibration(flange_from_profiler=(POSE @ np.diag([1, 1, -1, 1])).tolist()), "rigid motion"),
     "sheared": (calibration(flange_from_profiler=entry(POSE, 0, 1, POSE[0, 1] + 1e-5)), "rigid motion"),

@@ -21,6 +21,7 @@ import scipy
 
 from workbench.compare.surface import Surface
 from workbench.geometry.medians import robust_sd
+from workbench.geometry.poses import frame_about
 from workbench.units import Bool, Float, Int, Shaped
 
 LEAST_POINTS = 8
@@ -174,7 +175,7 @@ def heights(
     near = scipy.spatial.cKDTree(points_mm).query_ball_point(position_mm, float(np.hypot(radius_mm, depth_mm)))
     cluster = np.arange(len(points_mm)) if frame is None else frame
     cylinders = []
-    for index, at, axis, beside in zip(near, position_mm, normal, _across(normal), strict=True):
+    for index, at, axis, beside in zip(near, position_mm, normal, frame_about(normal)[:, :2], strict=True):
         off = points_mm[index] - at
         height, aside = off @ axis, off @ beside.T
         what = height if values is None else values[index]
@@ -224,13 +225,3 @@ def _intercept(design: Float, what: Float, cluster: Int, least: float) -> tuple[
     shared = (np.bincount(group, pull * own) ** 2).sum() * frames / (frames - 2)
     leverage = (np.bincount(group, pull) ** 2).sum()
     return float(plane[0]), float(own @ own) / (len(own) - 3) * float(inverse[0, 0]), float(shared), float(leverage)
-
-
-def _across(axis: Float) -> Float:
-    """Two unit vectors (..., 2, 3) that make a right-handed frame with the unit vectors `axis` (..., 3)."""
-    first = np.eye(3)[np.argmin(np.abs(axis), axis=-1)]
-    first = first - axis * (first * axis).sum(axis=-1, keepdims=True)
-    first /= np.sqrt((first * first).sum(axis=-1, keepdims=True))
-    x, y, z = axis[..., 0], axis[..., 1], axis[..., 2]
-    u, v, w = first[..., 0], first[..., 1], first[..., 2]
-    return np.stack([first, np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)], axis=-2)

@@ -12,7 +12,6 @@ Of segments, many are asked for against many lines; spheres around neighbouring 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple, TypeAlias
 
@@ -92,9 +91,14 @@ def axis_distances(
         flat: only points beside an axis count, as inside a cylinder with flat ends; else those beyond its ends too.
     """
     out = np.array(bound_mm, dtype=np.float64)
-    ask = partial(_ask, stock, as_input(start_mm), as_input(end_mm), as_input(layer.astype(np.int64)), flat, out)
+    ask = partial(_ask, stock, _ends(start_mm, end_mm), as_input(layer.astype(np.int64)), flat, out)
     list(in_order(ask, len(out), QUERIES))
     return out
+
+
+def _ends(start_mm: Float, end_mm: Float) -> Float:
+    """Segments (k, 2, 3) from their ends (k, 3)."""
+    return as_input(np.stack([start_mm, end_mm], axis=1))
 
 
 def _levels(frames: int, columns: int) -> Int:
@@ -190,20 +194,14 @@ def _enclose(ball: Float, other: Float) -> None:
 
 
 @kernel
-def _ask(stock: Stock, start: Float, end: Float, layer: Int, flat: bool, out: Float, first: int, last: int) -> None:
+def _ask(stock: Stock, ends: Float, layer: Int, flat: bool, out: Float, first: int, last: int) -> None:
     spheres, block_stands, shape = stock.spheres, stock.block_stands, stock.shape
     levels = shape.shape[0]
     top = shape[levels - 1, 0]
     nodes, bounds = np.empty((MOST_NODES, 3), np.int64), np.empty(MOST_NODES)
     stack, warm = Stack(nodes, bounds), -1
     for k in range(first, last):
-        length = 0.0
-        for c in range(3):
-            length += (end[k, c] - start[k, c]) ** 2
-        length = math.sqrt(length)
-        share = 1.0 / max(length, 1e-12)
-        e0, e1, e2 = end[k, 0] - start[k, 0], end[k, 1] - start[k, 1], end[k, 2] - start[k, 2]
-        axis = (start[k, 0], start[k, 1], start[k, 2], e0 * share, e1 * share, e2 * share, length)
+        axis = _axis(ends, k)
         best = out[k]
         if warm >= 0 and block_stands[warm] > layer[k]:
             best = _nearest(stock, warm, axis, layer[k], flat, best)
@@ -223,6 +221,15 @@ def _ask(stock: Stock, start: Float, end: Float, layer: Int, flat: bool, out: Fl
                 continue
             waiting = _open(stock, node, axis, layer[k], best, stack, waiting)
         out[k] = best
+
+
+@kernel
+def _axis(ends: Float, k: int) -> Axis:
+    """Segment k of (n, 2, 3)."""
+    x, y, z = ends[k, 1, 0] - ends[k, 0, 0], ends[k, 1, 1] - ends[k, 0, 1], ends[k, 1, 2] - ends[k, 0, 2]
+    length = math.sqrt(x * x + y * y + z * z)
+    share = 1.0 / max(length, 1e-12)
+    return ends[k, 0, 0], ends[k, 0, 1], ends[k, 0, 2], x * share, y * share, z * share, length
 
 
 @kernel
@@ -302,12 +309,10 @@ def _nearest(stock: Stock, leaf: int, axis: Axis, layer: int, flat: bool, best: 
 # Segments from each other.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LineIndex:
+class LineIndex(NamedTuple):
     """Segments in an order in which neighbours are near each other, and a sphere around every 16 of them."""
 
-    start_mm: Shaped[Float, "n 3"]
-    end_mm: Shaped[Float, "n 3"]
+    ends_mm: Shaped[Float, "n 2 3"]
     spheres: Shaped[Float, "groups 4"]  # centre and radius
 
 
@@ -315,79 +320,58 @@ def index_lines(start_mm: Float, end_mm: Float) -> LineIndex | None:
     """An index of the segments from start to end (n, 3); None where there are none."""
     if len(start_mm) == 0:
         return None
-    groups = []
-    for first in range(0, len(start_mm), GROUP):
-        ends = np.concatenate([start_mm[first : first + GROUP], end_mm[first : first + GROUP]])
+    lines, groups = _ends(start_mm, end_mm), []
+    for first in range(0, len(lines), GROUP):
+        ends = lines[first : first + GROUP].reshape(-1, 3)
         centre = ends.mean(axis=0)
         groups.append([*centre, np.linalg.norm(ends - centre, axis=1).max() + 1e-9])
-    return LineIndex(as_input(start_mm), as_input(end_mm), as_input(np.array(groups)))
+    return LineIndex(lines, np.array(groups))
 
 
 def line_distances(index: LineIndex, start_mm: Float, end_mm: Float) -> Float:
     """Least distance (k,) from each of the segments from start to end (k, 3) to the lines."""
     out = np.full(len(start_mm), np.inf)
-    ask = partial(_ask_lines, index.start_mm, index.end_mm, index.spheres, as_input(start_mm), as_input(end_mm), out)
-    list(in_order(ask, len(out), QUERIES))
+    list(in_order(partial(_ask_lines, index, _ends(start_mm, end_mm), out), len(out), QUERIES))
     return out
 
 
 @kernel
-def _ask_lines(a: Float, b: Float, spheres: Float, start: Float, end: Float, out: Float, first: int, last: int) -> None:
+def _ask_lines(index: LineIndex, ends: Float, out: Float, first: int, last: int) -> None:
     warm = 0
     for k in range(first, last):
-        best = _group(a, b, warm, start[k], end[k], np.inf)
-        for g in range(spheres.shape[0]):
-            if g != warm and _to_point(spheres[g], start[k], end[k]) - spheres[g, 3] < best:
-                nearer = _group(a, b, g, start[k], end[k], best)
+        axis, best = _axis(ends, k), _of_group(index.ends_mm, warm, ends, k, np.inf)
+        for g in range(index.spheres.shape[0]):
+            if g != warm and _bound(index.spheres[g], axis) < best:
+                nearer = _of_group(index.ends_mm, g, ends, k, best)
                 if nearer < best:
                     best, warm = nearer, g
         out[k] = best
 
 
 @kernel
-def _to_point(point: Float, start: Float, end: Float) -> float:
-    length2, along = 0.0, 0.0
-    for c in range(3):
-        d = end[c] - start[c]
-        length2, along = length2 + d * d, along + d * (point[c] - start[c])
-    share = min(max(along / max(length2, 1e-300), 0.0), 1.0)
-    square = 0.0
-    for c in range(3):
-        d = start[c] + share * (end[c] - start[c]) - point[c]
-        square += d * d
-    return math.sqrt(square)
-
-
-@kernel
-def _group(a: Float, b: Float, group: int, start: Float, end: Float, best: float) -> float:
-    for i in range(group * GROUP, min((group + 1) * GROUP, a.shape[0])):
-        best = min(best, _apart(start, end, a[i], b[i]))
+def _of_group(lines: Float, group: int, ends: Float, k: int, best: float) -> float:
+    for i in range(group * GROUP, min((group + 1) * GROUP, lines.shape[0])):
+        best = min(best, segments_apart(ends, k, lines, i))
     return best
 
 
-@kernel
-def _apart(p1: Float, q1: Float, p2: Float, q2: Float) -> float:
-    """Distance of two segments (Ericson, "Real-Time Collision Detection", 2005, section 5.1.9)."""
-    a, e, f, b, c = 0.0, 0.0, 0.0, 0.0, 0.0
-    for k in range(3):
-        d1, d2, r = q1[k] - p1[k], q2[k] - p2[k], p1[k] - p2[k]
-        a, e, f, b, c = a + d1 * d1, e + d2 * d2, f + d2 * r, b + d1 * d2, c + d1 * r
-    s, t = 0.0, 0.0
-    if a <= 1e-18 and e > 1e-18:
-        t = min(max(f / e, 0.0), 1.0)
-    elif a > 1e-18 and e <= 1e-18:
-        s = min(max(-c / a, 0.0), 1.0)
-    elif a > 1e-18:
-        across = a * e - b * b
-        if across > 1e-12 * a * e:  # not parallel
-            s = min(max((b * f - c * e) / across, 0.0), 1.0)
-        t = (b * s + f) / e
-        if t < 0.0:
-            s, t = min(max(-c / a, 0.0), 1.0), 0.0
-        elif t > 1.0:
-            s, t = min(max((b - c) / a, 0.0), 1.0), 1.0
-    square = 0.0
-    for k in range(3):
-        d = p1[k] + s * (q1[k] - p1[k]) - p2[k] - t * (q2[k] - p2[k])
-        square += d * d
-    return math.sqrt(square)
+@kernel(error_model="numpy")
+def segments_apart(one: Float, a: int, other: Float, b: int) -> float:
+    """Distance of segments a and b of two lists (n, 2, 3) (Ericson, Real-Time Collision Detection, 2005, 5.1.9)."""
+    uu, vv, uv, uw, vw, ww = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for r in range(3):
+        u, v, w = one[a, 1, r] - one[a, 0, r], other[b, 1, r] - other[b, 0, r], one[a, 0, r] - other[b, 0, r]
+        uu, vv, uv = uu + u * u, vv + v * v, uv + u * v
+        uw, vw, ww = uw + u * w, vw + v * w, ww + w * w
+    square = uu * vv - uv * uv
+    s = min(max((uv * vw - uw * vv) / square, 0.0), 1.0) if square > 1e-12 * uu * vv else 0.0
+    t = (uv * s + vw) / vv if vv > 0.0 else 0.0
+    if t < 0.0 or t > 1.0 or vv == 0.0:
+        t = min(max(t, 0.0), 1.0)
+        s = min(max((uv * t - uw) / uu, 0.0), 1.0) if uu > 0.0 else 0.0
+    left = 0.0
+    for r in range(3):
+        on_one = one[a, 0, r] + s * (one[a, 1, r] - one[a, 0, r])
+        on_other = other[b, 0, r] + t * (other[b, 1, r] - other[b, 0, r])
+        left += (on_one - on_other) ** 2
+    return math.sqrt(left)

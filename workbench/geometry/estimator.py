@@ -116,6 +116,24 @@ class Rows:
     away: Shaped[Float, " P"]  # from the estimate to what is expected before
     shared: tuple[Shared, ...] = ()
 
+    @classmethod
+    def posed(
+        cls,
+        residual: Float,
+        jacobian: Float,
+        alone: Float,
+        own: Float,
+        pose: Int,
+        values: Float,
+        prior: Float,
+        away: Float,
+    ) -> Rows:
+        """As `Rows`, of observations that share `own` (n, d, e) with those of their pose (n,), as in `Shared`."""
+        n, d = residual.shape
+        shared = Shared(np.arange(n), alone, own, pose, np.zeros(n), int(pose.max()) + 1, np.zeros((n, d, 0)))
+        covariance = alone + own @ np.swapaxes(own, 1, 2)
+        return cls(residual, jacobian, covariance, values, prior, away, (shared,))
+
     def only(self, keep: Bool) -> Rows:
         """The observations marked in `keep` (n,)."""
         if keep.all():

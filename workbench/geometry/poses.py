@@ -80,6 +80,21 @@ def cross(a: Float, b: Float) -> Float:
     return np.asarray(a.take(behind, -1) * b.take(ahead, -1) - a.take(ahead, -1) * b.take(behind, -1))
 
 
+def frame_about(direction: Float, near: Float | None = None) -> Float:
+    """Right-handed rows (..., 3, 3): two unit vectors square to unit vectors (..., 3), then these.
+
+    The first is by `near` (..., 3); by default by the axis that is most square to the vector.
+
+    Example:
+        >>> frame_about(np.array([0.0, 0.0, 1.0])).tolist()
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    near = np.eye(3)[np.argmin(np.abs(direction), axis=-1)] if near is None else near
+    first = near - (near * direction).sum(axis=-1, keepdims=True) * direction
+    first = first / np.linalg.norm(first, axis=-1, keepdims=True)
+    return np.stack([first, cross(direction, first), direction], axis=-2)
+
+
 def in_planes(base_from_profiler: Float, x: Float, z: Float) -> Float:
     """Points (n, 3) in the base at x, z (n,) of laser planes at poses (n, 4, 4).
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from workbench.artefacts import Check
 from workbench.errors import InputError, PipelineError
 from workbench.geometry.poses import mapped
 from workbench.look.command import write_page
@@ -33,11 +34,7 @@ STEP = np.radians(2.0)  # of the joints that the reach is looked for with
 OFF_LIMIT = 1e-9  # rad
 SINGULAR = 0.01  # least of the singular values, that of a good posture being about 0.5
 AXES_MM, RED = 150.0, (209, 31, 31)
-
-
-def described(cell: Cell, joints: Float, turntable: Float | float) -> list[str]:
-    """Lines on the cell and on the posture at joint angles (6,) and a turntable angle, rad."""
-    return [*_cell(cell), *_posture(cell, joints, turntable)]
+APART = "bodies that may not meet stay apart"
 
 
 def reach_mm(chain: Chain) -> tuple[float, str]:
@@ -112,16 +109,13 @@ def _cell(cell: Cell) -> Iterator[str]:
     yield from (f"warning: {warning}" for warning in cell.warnings)
 
 
-def _posture(cell: Cell, joints: Float, turntable: Float | float) -> Iterator[str]:
-    """Where the bodies are, and how near to each other."""
+def _posture(cell: Cell, joints: Float, turntable: Float | float, gaps: list[Clearance]) -> Iterator[str]:
+    """Where the bodies are, and how near to each other: the distances, the smallest first."""
     yield posture_text(joints, turntable)
     yield from (f"singular: {what}" for what in singularities(cell.chain, joints))
-    gaps = CollisionModel(cell).gaps(joints, turntable)
-    hits = [gap for gap in gaps if gap.near]
-    for gap in hits:
-        yield f"collision: {' with '.join(gap.pair)}"
-    for gap in [] if hits else nearest_gaps(cell, gaps):
-        yield f"clearance: {gap.distance_mm:.1f} mm, {' to '.join(gap.pair)}"
+    hits = [f"collision: {' with '.join(gap.pair)}" for gap in gaps if gap.near]
+    near = nearest_gaps(cell, gaps)
+    yield from hits or (f"clearance: {gap.distance_mm:.1f} mm, {' to '.join(gap.pair)}" for gap in near)
     if not gaps:
         yield "clearance: no two bodies are to be kept apart"
 
@@ -161,19 +155,17 @@ def cell_seen(cell: Cell, joints: Float, turntable: Float | float) -> Seen:
         for name, pose in cell_frames(cell, joints, turntable).items()
     ]
     distances = [lines_of(f"{mm:.1f} mm", [ends], RED) for ends, mm in near if ends is not None]
+    lines = (*_cell(cell), *_posture(cell, joints, turntable, gaps))
+    met = [failed("collision", None, APART, line) for line in lines if line.startswith("collision: ")]
     return Seen(
         cell.source,
         "robot cell",
         "the robot's base",
-        tuple(described(cell, joints, turntable)),
+        lines,
         np.zeros((0, 3)),
         (),
         strokes=(*bodies, *frames, *distances),
-        checks=tuple(
-            failed("collision", None, "bodies that meet", f"collision: {' with '.join(gap.pair)}")
-            for gap in gaps
-            if gap.near
-        ),
+        checks=tuple(met or ([Check("collision", None, None, True, APART)] if gaps else [])),
     )
 
 

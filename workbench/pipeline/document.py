@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from workbench.errors import ArgumentError, PipelineError, nearest
-from workbench.strict_json import json_slip
+from workbench import strict_json
+from workbench.errors import ArgumentError, InputError, PipelineError, nearest
 
 VERSION = 1
 KEYS = ("version", "title", "seed", "inputs", "stages")
 MAX_BYTES = 4_000_000  # a pipeline is written by people; this also ends the reading of /dev/zero
-MAX_DEPTH = 32
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")  # of an input
 ID = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")  # of a stage in the pipeline
 
@@ -31,13 +29,6 @@ class PipelineDocument:
     seed: int
     inputs: Mapping[str, Any]
     stages: tuple[Mapping[str, Any], ...]
-
-
-@dataclass(frozen=True)
-class _Refused:
-    """Stands in the parsed tree for what JSON does not allow, until its place is known."""
-
-    why: str
 
 
 def read_document(path: Path) -> PipelineDocument:
@@ -63,54 +54,11 @@ def read_document(path: Path) -> PipelineDocument:
 
 
 def parse_json(content: bytes, name: str) -> Any:
-    """Strict JSON: no duplicate keys, NaN, infinities or numbers beyond float64, at most MAX_DEPTH levels."""
+    """As `strict_json.parse_json` of a few levels. Raises PipelineError."""
     try:
-        tree = json.loads(
-            content.decode("utf-8-sig"),
-            object_pairs_hook=_object,
-            parse_constant=lambda text: _Refused(f"{text} is not JSON"),
-        )
-    except json.JSONDecodeError as error:
-        raise PipelineError(f"{name}: line {error.lineno}, column {error.colno}", json_slip(error)) from None
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
-        raise PipelineError(f"{name}: line {line}", f"is not UTF-8 text (byte {error.start})") from None
-    except RecursionError:
-        raise PipelineError(name, f"is nested deeper than {MAX_DEPTH} levels") from None
-    except ValueError:  # an integer of thousands of digits
-        raise PipelineError(name, "holds a number with too many digits") from None
-    for place, value, depth in _walk(tree):
-        where = f"{name}: {place.lstrip('.')}" if place else name
-        if depth > MAX_DEPTH:
-            raise PipelineError(name, f"is nested deeper than {MAX_DEPTH} levels")
-        if isinstance(value, _Refused):
-            raise PipelineError(where, value.why)
-        if isinstance(value, float) and not math.isfinite(value):
-            raise PipelineError(where, "expected a finite number")
-    return tree
-
-
-def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any] | _Refused:
-    made: dict[str, Any] = {}
-    for key, value in pairs:
-        if key in made:
-            return _Refused(f"key '{key}' occurs twice")
-        made[key] = value
-    return made
-
-
-def _walk(tree: Any) -> Iterator[tuple[str, Any, int]]:
-    """Every value with its JSON path and depth, in the order of the file."""
-    stack = [("", tree, 0)]
-    while stack:
-        place, value, depth = stack.pop()
-        yield place, value, depth
-        if depth > MAX_DEPTH:
-            continue
-        if isinstance(value, dict):
-            stack += [(f"{place}.{key}", part, depth + 1) for key, part in reversed(value.items())]
-        elif isinstance(value, list):
-            stack += [(f"{place}[{i}]", part, depth + 1) for i, part in reversed([*enumerate(value)])]
+        return strict_json.parse_json(content, name, shallow=True)
+    except InputError as error:
+        raise PipelineError(error.where, error.expected) from None
 
 
 def check_document(tree: Any, name: str, base_dir: Path) -> PipelineDocument:

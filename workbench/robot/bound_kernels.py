@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from workbench.geometry.distances import segments_apart
 from workbench.kernels import kernel
 from workbench.robot.kinematics import turn_about_axis
 from workbench.units import DEG, AnyArray, Shaped
@@ -295,7 +296,7 @@ def _smallest(
         if larger if solid[b] == BOX else solid[a] != NONE and fits:
             a, b = b, a
         if solid[b] != BOX:
-            apart = _between(at, a, b) - radius[a] - radius[b]
+            apart = segments_apart(at, a, at, b) - radius[a] - radius[b]
             if solid[b] == NONE or apart >= best:
                 best = min(best, apart)
                 if best <= 0.0:
@@ -353,28 +354,6 @@ def _carry(at: AnyArray, middle: AnyArray, s: int, motion: AnyArray, link: int, 
         at[s, 0, r] = m0 * ends[s, 0, 0] + m1 * ends[s, 0, 1] + m2 * ends[s, 0, 2] + m3
         at[s, 1, r] = m0 * ends[s, 1, 0] + m1 * ends[s, 1, 1] + m2 * ends[s, 1, 2] + m3
         middle[s, r] = (at[s, 0, r] + at[s, 1, r]) / 2
-
-
-@kernel(error_model="numpy")
-def _between(at: AnyArray, a: int, b: int) -> float:
-    """Distance of two segments (Ericson, Real-Time Collision Detection, 2005, section 5.1.9)."""
-    uu, vv, uv, uw, vw, ww = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for r in range(3):
-        u, v, w = at[a, 1, r] - at[a, 0, r], at[b, 1, r] - at[b, 0, r], at[a, 0, r] - at[b, 0, r]
-        uu, vv, uv = uu + u * u, vv + v * v, uv + u * v
-        uw, vw, ww = uw + u * w, vw + v * w, ww + w * w
-    square = uu * vv - uv * uv
-    s = min(max((uv * vw - uw * vv) / square, 0.0), 1.0) if square > 1e-12 * uu * vv else 0.0
-    t = (uv * s + vw) / vv if vv > 0.0 else 0.0
-    if t < 0.0 or t > 1.0 or vv == 0.0:
-        t = min(max(t, 0.0), 1.0)
-        s = min(max((uv * t - uw) / uu, 0.0), 1.0) if uu > 0.0 else 0.0
-    left = 0.0
-    for r in range(3):
-        on_a = at[a, 0, r] + s * (at[a, 1, r] - at[a, 0, r])
-        on_b = at[b, 0, r] + t * (at[b, 1, r] - at[b, 0, r])
-        left += (on_a - on_b) ** 2
-    return np.sqrt(left)  # type: ignore[no-any-return]
 
 
 @kernel(error_model="numpy")

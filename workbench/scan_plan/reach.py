@@ -15,7 +15,7 @@ import numpy as np
 from workbench.extras import Extra
 from workbench.geometry.blocks import evenly
 from workbench.geometry.moves import chords_mm
-from workbench.geometry.poses import inverse, pose_from
+from workbench.geometry.poses import frame_about, inverse, pose_from
 from workbench.result_files import SensorFile
 from workbench.robot import (
     Cell,
@@ -157,10 +157,8 @@ def _passes(start: Float, way: Float, box: Shaped[Float, "2 3"]) -> Bool:
 
 def _blocked(point: Float, way: Float, length: float, bodies: Sequence[tuple[Shape, Any]]) -> str:
     """The first of bodies that a ray of some length meets, from a millimetre off the face on; '': none."""
-    x = np.cross(way, np.eye(3)[np.argmin(np.abs(way))])
-    x /= np.linalg.norm(x)
-    turn = np.stack([x, np.cross(way, x), way], axis=1)
-    ray = fcl.CollisionObject(fcl.Capsule(RAY_MM, length), fcl.Transform(turn, point + 0.5 * (length + 2.0) * way))
+    middle = fcl.Transform(frame_about(way).T, point + 0.5 * (length + 2.0) * way)
+    ray = fcl.CollisionObject(fcl.Capsule(RAY_MM, length), middle)
     for shape, body in bodies:
         if fcl.collide(ray, body, fcl.CollisionRequest(), fcl.CollisionResult()):
             return shape.body

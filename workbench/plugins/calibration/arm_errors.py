@@ -25,10 +25,11 @@ from workbench.api import (
     Part,
     RobotFile,
     Shaped,
+    frame_about,
     mapped,
     pieces,
 )
-from workbench.plugins.calibration.tables import beside, results, sentence
+from workbench.plugins.calibration.tables import results, sentence
 
 if TYPE_CHECKING:  # the robot's libraries are heavy: a calibration without a cell does not load them
     from workbench.api import Chain
@@ -145,7 +146,7 @@ def _ways(chain: Chain, k: int) -> list[Float]:
 
 def _across(axis: Float) -> Float:
     """Two unit vectors square to an axis, along the base's axes where that is possible."""
-    first, second, _ = beside(axis)
+    first, second, _ = frame_about(axis)
     return np.stack([first, second * np.sign(second[np.argmax(np.abs(second))])])
 
 

@@ -153,15 +153,3 @@ def turned_noise(lever: Float, sigma_mm: float, sigma: float) -> Float:
     """Covariance (n, 3, 3) of points at the ends of levers (n, 3): of their place, and of an orientation (rad)."""
     across = (lever**2).sum(axis=1)[:, None, None] * np.eye(3) - lever[:, :, None] * lever[:, None, :]
     return np.asarray(sigma_mm**2 * np.eye(3) + sigma**2 * across)
-
-
-def frame_by(direction: Float, near: Float) -> Float:
-    """Rows: two unit vectors square to a unit vector, the first by `near`, and that vector."""
-    a = near - (near @ direction) * direction
-    a = a / np.linalg.norm(a)
-    return np.stack([a, np.cross(direction, a), direction])
-
-
-def beside(direction: Float) -> Float:
-    """`frame_by` by the base's axis that is most square to the vector."""
-    return frame_by(direction, np.eye(3)[np.argmin(np.abs(direction))])

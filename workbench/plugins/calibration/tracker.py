@@ -104,14 +104,9 @@ class Tracking:
         slope[:, :, :3], slope[:, :, 3:6] = np.eye(3), -cross_matrix(beyond)
         column = 6 + 3 * seen.target[:, None] + np.arange(3)
         slope[np.arange(n)[:, None], :, column] = np.swapaxes(frame @ turn, 1, 2)
-        own = by_pose * self.spread
-        alone = np.tile(self.alone, (n, 1, 1))
-        shared = estimator.Shared(
-            np.arange(n), alone, own, self.posture, np.zeros(n), int(self.posture.max()) + 1, np.zeros((n, 3, 0))
-        )
+        own, alone, values = by_pose * self.spread, np.tile(self.alone, (n, 1, 1)), np.full(n, 3.0)
         residual = seen.place_mm - beyond - at.tracker_from_base[:3, 3]
-        covariance = alone + own @ np.swapaxes(own, 1, 2)
-        places = estimator.Rows(residual, slope, covariance, np.full(n, 3.0), none, none[0], (shared,))
+        places = estimator.Rows.posed(residual, slope, alone, own, self.posture, values, none, none[0])
         return places.beside(by_pose @ by_errors, at.errors, self.arm.prior)
 
     def moved(self, at: Tracked, step: Float) -> Tracked:

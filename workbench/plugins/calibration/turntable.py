@@ -26,6 +26,7 @@ from workbench.api import (
     Shaped,
     TurntableFile,
     estimator,
+    frame_about,
     pieces,
     pose_from,
     rotation_from_vector,
@@ -33,11 +34,9 @@ from workbench.api import (
 )
 from workbench.plugins.calibration.scanned import UNSAID, UNUSED, Places, Scanner
 from workbench.plugins.calibration.tables import (
-    beside,
     check_misfit,
     enough,
     fit_words,
-    frame_by,
     noisy,
     refuse_open,
     results,
@@ -101,8 +100,8 @@ class _Turning:
         self.marks, self.angle_noise, self.drift = marks, angle_noise, drift
         self.alike = estimator.alike(marks.marker, np.abs(marks.angle[:, None] - marks.angle), SAME_ANGLE)
         self.middle = marks.point_mm.mean(axis=0)
-        stops, self.stop = np.unique(np.round(marks.angle / SAME_ANGLE), return_inverse=True)
-        self.stops, self.time = len(stops), np.argsort(np.argsort(marks.lines)) / (len(marks.lines) - 1) - 0.5
+        self.stop = np.unique(np.round(marks.angle / SAME_ANGLE), return_inverse=True)[1]
+        self.time = np.argsort(np.argsort(marks.lines)) / (len(marks.lines) - 1) - 0.5
 
     def predicted(self, at: Axis) -> Float:
         there = np.einsum("nij,nj->ni", self.turned(at), at.marker_mm[self.marks.marker])
@@ -119,7 +118,6 @@ class _Turning:
         n, size = len(self.alike), 7 + 3 * self.marks.markers
         alone = self.marks.places.covariance * self.alike[:, None, None]
         sway = self.angle_noise * self.sway(at)[..., None]
-        shared = estimator.Shared(np.arange(n), alone, sway, self.stop, np.zeros(n), self.stops, np.zeros((n, 3, 0)))
         slope, prior = np.zeros((n, 3, size)), np.zeros((size, size))
         slope[:, :, :2] = at.frame[:2].T
         slope[:, :, 2:4] = estimator.jacobian_of(lambda turn: self.predicted(_turned(at, turn)), np.full(2, STEP))
@@ -129,8 +127,8 @@ class _Turning:
         prior[4:7, 4:7] = np.linalg.inv(self.drift**2 * self.marks.places.covariance.mean(axis=0))
         away = np.zeros(size)
         away[4:7] = -at.drift_mm
-        residual, covariance = self.marks.point_mm - self.predicted(at), alone + sway @ np.swapaxes(sway, 1, 2)
-        return estimator.Rows(residual, slope, covariance, 3.0 / self.alike, prior, away, (shared,))
+        residual, values = self.marks.point_mm - self.predicted(at), 3.0 / self.alike
+        return estimator.Rows.posed(residual, slope, alone, sway, self.stop, values, prior, away)
 
     def moved(self, at: Axis, step: Float) -> Axis:
         """The point stays where the axis is nearest to the middle of all points."""
@@ -143,12 +141,11 @@ class _Turning:
     def begun(self) -> Axis:
         """The best of fits from directions all about: for one direction point and markers follow at once."""
         zero = np.zeros((self.marks.markers, 3))
-        starts = [
-            Axis(self.middle, beside(one), zero, np.zeros(3)) for one in Rotation.create_group("I").as_matrix()[:, 2]
-        ]
+        frames = frame_about(Rotation.create_group("I").as_matrix()[:, 2])
+        starts = [Axis(self.middle, one, zero, np.zeros(3)) for one in frames]
         rough = sorted((estimator.fit(self, one, steps=2) for one in starts), key=lambda one: one.chi2)
         best = min((estimator.fit(self, one.at) for one in rough[:TRIED]), key=lambda one: one.chi2).at
-        return replace(best, frame=beside(best.frame[2]))  # the same from whatever start
+        return replace(best, frame=frame_about(best.frame[2]))  # the same from whatever start
 
 
 @stage("calibrate.turntable")
@@ -348,4 +345,4 @@ def worst(axis: Axis, covariance: Float, points_mm: Float, reach_mm: float) -> t
 
 def _turned(at: Axis, turn: Float) -> Axis:
     direction = at.frame[2] + turn @ at.frame[:2]
-    return replace(at, frame=frame_by(direction / np.linalg.norm(direction), at.frame[0]))
+    return replace(at, frame=frame_about(direction / np.linalg.norm(direction), at.frame[0]))

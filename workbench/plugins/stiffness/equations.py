@@ -21,6 +21,7 @@ from workbench.api import (
     Shaped,
     estimator,
     forward_kinematics,
+    frame_about,
     jacobian_at,
     joint_axes,
     motions,
@@ -80,10 +81,8 @@ def equations(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Equatio
 
     jacobian, by_wrench, torque = about(axes)
     turned = motions(chain, tests.joints)[:, :6, :3, :3]
-    beside = np.eye(3)[np.argmin(np.abs(chain.axes), axis=1)]
-    first = np.cross(chain.axes, beside)
     links = []
-    for aside in (first, np.cross(chain.axes, first)):  # across each joint's axis
+    for aside in np.moveaxis(frame_about(chain.axes), 1, 0)[:2]:  # across each joint's axis
         moved, _, moment = about((turned @ aside[:, :, None])[..., 0])
         links.append(moved * moment[:, None, :])
     seen = np.isfinite(tests.moved)
@@ -161,11 +160,9 @@ class Loading:
         own = self.observed((eq.jacobian * np.abs(at[:6])) @ eq.by_wrench * eq.wrench_noise)
         noise = self.observed(np.broadcast_to(eq.noise, eq.y.shape))
         alone = noise[:, :, None] ** 2 * np.eye(d)
-        shared = estimator.Shared(np.arange(n), alone, own, self.load, np.zeros(n), len(eq.y), np.zeros((n, d, 0)))
-        covariance, values = alone + own @ np.swapaxes(own, 1, 2), np.full(n, float(d))
         residual = self.observed(eq.residual(at[:6])) - self.directions @ at[6:]
-        none = np.zeros((6, 6))
-        springs = estimator.Rows(residual, self.observed(eq.a), covariance, values, none, none[0], (shared,))
+        none, values, slope = np.zeros((6, 6)), np.full(n, float(d)), self.observed(eq.a)
+        springs = estimator.Rows.posed(residual, slope, alone, own, self.load, values, none, none[0])
         return springs.beside(self.directions, at[6:], self.u)
 
     def moved(self, at: Float, step: Float) -> Float:

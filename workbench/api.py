@@ -47,6 +47,7 @@ if TYPE_CHECKING:  # loaded on first use
         StiffnessFile,
         ToolFile,
         TurntableFile,
+        result_file,
     )
     from workbench.robot import (
         SIDES,
@@ -169,6 +170,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "refusal",
     "refuse_contradiction",
     "refuse_unsound",
+    "result_file",
     "rotation_from_quaternion",
     "rotation_from_rpy",
     "rotation_from_vector",
@@ -189,7 +191,7 @@ __all__ += artefacts.__all__
 
 def __getattr__(name: str) -> Any:
     """Import the robot cell's names and the models of result files on first use."""
-    if name in __all__ and name.endswith("File"):
+    if name in __all__ and name.endswith(("File", "result_file")):
         from workbench import result_files
 
         return getattr(result_files, name)

@@ -15,8 +15,8 @@ from workbench.cloud.units import MM, Unit
 from workbench.errors import InputError
 from workbench.geometry.coarse import coarse_registration, fine_registration
 from workbench.geometry.poses import mapped
+from workbench.result_files import result_file
 from workbench.stage import InputFile, Seed, stage
-from workbench.strict_json import strict_json
 
 LEAST_POINTS = 100
 
@@ -71,8 +71,6 @@ def register(
             f"{100 * least_overlap:.0f} %; another part, another unit, or a larger voxel_mm or reach_mm",
         )
     content = {
-        "format": "points-registration",
-        "version": 1,
         "part": asdict(points.part),
         "reference": str(reference),
         "source": points.source,
@@ -83,4 +81,4 @@ def register(
         "voxel_mm": voxel_mm,
     }
     moved = mapped(pose, points.points_mm)
-    return replace(points, points_mm=frozen(moved)), Document("cloud_registration.json", strict_json(content))
+    return replace(points, points_mm=frozen(moved)), result_file("cloud_registration.json", content)

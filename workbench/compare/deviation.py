@@ -19,8 +19,8 @@ from workbench.compare.statistics import Summary, median, path_error_u, summaris
 from workbench.compare.surface import Deviations, Registration, Surface
 from workbench.errors import InputError
 from workbench.geometry.poses import mapped
+from workbench.result_files import result_file
 from workbench.stage import stage
-from workbench.strict_json import strict_json
 from workbench.units import Float, Shaped
 
 LEAST_PLACES = 20
@@ -122,8 +122,6 @@ def deviation_document(
 ) -> Document:
     """The file: the finding, statistics, sections, histogram, and every place."""
     content = {
-        "format": "bevel-deviation",
-        "version": 1,
         "part": dataclasses.asdict(scan.part),
         "frame": "base",
         "scan": scan.source,
@@ -163,7 +161,7 @@ def deviation_document(
             "changed": summary.changed,
         },
     }
-    return Document("deviation.json", strict_json(content))
+    return result_file("deviation.json", content)
 
 
 # Deviations of a registered scan from a reference at evenly spread places.

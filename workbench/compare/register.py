@@ -22,8 +22,8 @@ from workbench.errors import InputError
 from workbench.geometry.coarse import coarse_registration, fine_registration
 from workbench.geometry.medians import robust_sd
 from workbench.geometry.poses import inverse, mapped, pose_from, rotation_from_vector, vector_from_rotation
+from workbench.result_files import result_file
 from workbench.stage import stage
-from workbench.strict_json import strict_json
 from workbench.units import Bool, Float, Int, Shaped
 
 OPEN = 2e-3  # mean square of the motion along the normals, per mm of motion: below, a direction is open
@@ -262,8 +262,6 @@ def _check(scan: Surface, equations: Equations, overlap: float, rms_mm: float, l
 
 def _document(found: Registration, scan: Surface, reference: Surface) -> Document:
     content = {
-        "format": "cloud-registration",
-        "version": 1,
         "part": asdict(scan.part),
         "scan": scan.source,
         "reference": reference.source,
@@ -276,7 +274,7 @@ def _document(found: Registration, scan: Surface, reference: Surface) -> Documen
         "held": list(found.held),
         "warnings": list(found.warnings),
     }
-    return Document("registration.json", strict_json(content))
+    return result_file("registration.json", content)
 
 
 # Directions that a registration leaves open, in words.

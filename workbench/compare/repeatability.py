@@ -26,8 +26,8 @@ from workbench.compare.measurements import Study
 from workbench.marks import LIMIT, Lettering
 from workbench.pieces import GREY, ORANGE, PALE, SERIES
 from workbench.plot import Axes, Figure
+from workbench.result_files import result_file
 from workbench.stage import stage
-from workbench.strict_json import strict_json
 from workbench.units import COVERAGE, Float
 
 GOOD_PERCENT, BAD_PERCENT = 10.0, 30.0  # AIAG: %GRR below, above which a gauge is acceptable, is not
@@ -47,8 +47,6 @@ NORMAL = "A ratio below 1 is expected: the stated uncertainty also covers errors
 def gauge_document(study: Study, results: Sequence[Characteristic]) -> Document:
     """The file."""
     content = {
-        "format": "bevel-repeatability",
-        "version": 1,
         "part": dataclasses.asdict(study.part),
         "parts": list(study.parts),
         "operators": list(study.operators),
@@ -57,7 +55,7 @@ def gauge_document(study: Study, results: Sequence[Characteristic]) -> Document:
         "inspections": [{"file": path, "sha256": digest} for path, digest in study.files],
         "warnings": [*study.warnings, *(words for one in results for words in one.warnings)],
     }
-    return Document("repeatability.json", strict_json(content))
+    return result_file("repeatability.json", content)
 
 
 def _characteristic_json(study: Study, one: Characteristic) -> dict[str, Any]:

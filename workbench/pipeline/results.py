@@ -157,8 +157,6 @@ def _rows(table: Any, columns: tuple[str, ...]) -> list[dict[str, Any]]:
 def engagement_document(engagement: Engagement) -> dict[str, Any]:
     """`engagement.json`: what the cutter meets along each layer (docs/pipelines.md): mm and mm^2."""
     return {
-        "format": "bevel-engagement",
-        "version": 1,
         "part": dataclasses.asdict(engagement.part),
         "layers": [{f.name: getattr(layer, f.name) for f in dataclasses.fields(layer)} for layer in engagement.layers],
     }
@@ -167,8 +165,6 @@ def engagement_document(engagement: Engagement) -> dict[str, Any]:
 def rework_document(rework: Rework) -> dict[str, Any]:
     """`rework.json` (docs/pipelines.md): the stretches by arc length in mm, and the path to mill if there is one."""
     return {
-        "format": "bevel-rework",
-        "version": 1,
         "part": dataclasses.asdict(rework.part),
         "reason": rework.reason,
         "too_much_material": [dataclasses.asdict(stretch) for stretch in rework.too_much_material],
@@ -202,8 +198,6 @@ def correction_document(found: PathCorrection) -> dict[str, Any]:
     over = (found.arc_length_mm >= 0.0) & (found.arc_length_mm <= found.length_mm)
     rows = zip(*(column[over].tolist() for column in columns.values()), strict=True)
     return {
-        "format": "path-correction",
-        "version": 1,
         "part": dataclasses.asdict(found.part),
         "frame": "section",
         "allowance_mm": found.allowance_mm,

@@ -21,9 +21,8 @@ from workbench.artefacts import Chapter, Document, Edge, RawEdge, Toolpath, u_na
 from workbench.artefacts.edges import BEVEL_TERMS, Deviations
 from workbench.errors import InputError
 from workbench.report.text import render
-from workbench.result_files import InspectionFile, RobotFile, ToolFile, TurntableFile
+from workbench.result_files import InspectionFile, RobotFile, ToolFile, TurntableFile, result_file
 from workbench.stage import InputFile, stage
-from workbench.strict_json import strict_json
 from workbench.units import DEG, Float
 
 STEEL_PER_K = 11.5e-6  # thermal expansion
@@ -271,8 +270,6 @@ def sensitivity(
     corrected = needs((*links, measured), True, bevel, root_half, bevel_half)
     html, summary = sensitivity_html((*links, measured), blind, corrected)
     document = {
-        "format": "bevel-sensitivity",
-        "version": 1,
         "part": dataclasses.asdict(toolpath.part),
         "bevel_deg": toolpath.bevel_deg,
         "links": [{key: dataclasses.asdict(link)[key] for key in LINK_IN_FILE} for link in (*links, measured)],
@@ -296,7 +293,7 @@ def sensitivity(
     }
     return (
         Chapter("Error budget of the milled bevel", html, summary=summary, part=toolpath.part),
-        Document("sensitivity.json", strict_json(document)),
+        result_file("sensitivity.json", document),
     )
 
 

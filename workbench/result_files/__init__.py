@@ -6,8 +6,10 @@ Lengths in mm, angles in degrees where a name says so, null for what was not mea
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
+from workbench.artefacts import Document
 from workbench.result_files import contract, scan_plan, sensor, studies
 from workbench.result_files.contract import (
     BatchPartFile,
@@ -39,6 +41,11 @@ RESULT_FILES: dict[str, type[ResultFile]] = {
 }
 
 
+def result_file(name: str, content: Mapping[str, Any]) -> Document:
+    """A result file as a stage returns it: what its model accepts, its format and version first."""
+    return Document(name, RESULT_FILES[name].written(content))
+
+
 def result_schema(name: str) -> dict[str, Any]:
     """JSON Schema (draft 2020-12) of the result file `name`."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **RESULT_FILES[name].model_json_schema()}
@@ -63,5 +70,6 @@ __all__ = [
     "ToolpathFile",
     "TruthFile",
     "TurntableFile",
+    "result_file",
     "result_schema",
 ]

@@ -21,6 +21,7 @@ from workbench.api import (
     TurntableFile,
     estimator,
     pose_from,
+    result_file,
     rotation_from_quaternion,
 )
 from workbench.plugins.csv_table import Table
@@ -114,7 +115,7 @@ def results(
     """A calibration's file and the report's chapter; `content`: what was found, with what `told` says."""
     warnings = (*content["warnings"], *content.get("left_as_built", ()))
     chapter = Chapter(title, html, summary=content["verdict"], part=who, about="instruments", warnings=warnings)
-    return Document(file.NAME, file.written({"part": asdict(who), **content})), chapter
+    return result_file(file.NAME, {"part": asdict(who), **content}), chapter
 
 
 def told(

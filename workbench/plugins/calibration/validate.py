@@ -16,8 +16,8 @@ from workbench.api import (
     Shaped,
     estimator,
     frozen,
+    result_file,
     stage,
-    strict_json,
 )
 from workbench.plugins.calibration.determinacy import MIN_POSTURES
 from workbench.plugins.calibration.model import Estimate, Noise, Sphere, by_circle, linearise
@@ -151,4 +151,4 @@ def _document(found: Validation, part: Part) -> Document:
     ]
     names = ("how", "rms_mm", "expected_mm", "misfit", "freedom")
     content = {"part": asdict(part), **{name: getattr(found, name) for name in names}, "postures": rows}
-    return Document("calibration_validation.json", strict_json(content))
+    return result_file("calibration_validation.json", content)

@@ -15,10 +15,10 @@ from workbench.api import (
     Document,
     Float,
     HandEye,
-    HandEyeFile,
     Part,
     Recording,
     pieces,
+    result_file,
     rpy_from_rotation,
 )
 from workbench.plugins.calibration.circles import fit_arc
@@ -140,7 +140,7 @@ def hand_eye_file(
         "good_enough": verdict[0],
         "verdict": verdict[1],
     }
-    return Document(HandEyeFile.NAME, HandEyeFile.written(content))
+    return result_file("handeye.json", content)
 
 
 def directions_html(directions: Iterable[tuple[str, float]]) -> str:

@@ -11,13 +11,13 @@ from pydantic import Field
 from workbench.api import (
     Cell,
     Chapter,
-    ChatterFile,
     Document,
     Float,
     Postures,
     Toolpath,
     pieces,
     plot,
+    result_file,
     stage,
 )
 from workbench.plugins.stiffness.margins import Cuts, cuts_of, judged_limits, screen_limits, u_of_modes
@@ -104,7 +104,7 @@ def chatter(
     bounds = Bounds(least_margin, u_log, root_tolerance_mm, most_layers, speed_change)
     choice = choose(cell, toolpath, cuts, found.layer, dynamics, bounds) if most_layers else None
     page = _Page(found, modes, cuts.process, toolpath, least_margin, largest_depth_mm, lobes, worst, choice)
-    return found, Document(ChatterFile.NAME, _document(page)), _chapter(page)
+    return found, _document(page), _chapter(page)
 
 
 def _lobes(cut: Cuts, dynamics: Dynamics, change: float, largest_mm: float) -> Float:
@@ -154,7 +154,7 @@ class _Page(NamedTuple):
         return f"from {limit_mm:.2g} mm" if np.isfinite(limit_mm) else f"none up to {self.largest_mm:g} mm"
 
 
-def _document(page: _Page) -> bytes:
+def _document(page: _Page) -> Document:
     found = page.found
     columns = {
         "point": found.at,
@@ -167,7 +167,8 @@ def _document(page: _Page) -> bytes:
         "least_margin": found.least_margin,
         "u_of_logarithm": found.u_log,
     }
-    return ChatterFile.written(
+    return result_file(
+        "chatter.json",
         {
             "part": asdict(page.toolpath.part),
             "spindle_rpm": found.spindle_rpm,
@@ -181,7 +182,7 @@ def _document(page: _Page) -> bytes:
             "choice": None if page.choice is None else _chosen(page.choice, page.asked),
             "declared": list(page.modes.declared),
             "not_included": list(NOT_INCLUDED),
-        }
+        },
     )
 
 

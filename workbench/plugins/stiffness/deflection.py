@@ -15,8 +15,8 @@ from workbench.api import (
     InputError,
     abb_angles,
     forward_kinematics,
+    result_file,
     stage,
-    strict_json,
 )
 from workbench.plugins.stiffness.elastic import balance, give_way, tangent_stiffness, way
 from workbench.plugins.stiffness.values import Deflection, JointStiffness, Six
@@ -71,7 +71,7 @@ def deflection(
     moved, dq = _moved(cell, k, joints, tip, wrench, method)
     loaded = np.zeros(6) if method == "linear" else wrench
     found = Deflection(moved[:3], moved[3:], dq, tangent_stiffness(cell.chain, k, joints + dq, tip, loaded))
-    return found, Document("deflection.json", _document(found))
+    return found, _document(found)
 
 
 def _moved(cell: Cell, k: Float, joints: Float, tip: Float, wrench: Float, method: Method) -> tuple[Float, Float]:
@@ -88,15 +88,14 @@ def _moved(cell: Cell, k: Float, joints: Float, tip: Float, wrench: Float, metho
     return give_way(cell.chain, k, joints, tip, wrench, with_kc=method != "linear")
 
 
-def _document(found: Deflection) -> bytes:
-    return strict_json(
+def _document(found: Deflection) -> Document:
+    return result_file(
+        "deflection.json",
         {
-            "format": "deflection",
-            "version": 1,
             "frame": "base",
             "displacement_mm": found.displacement_mm,
             "rotation_deg": found.rotation / DEG,
             "joint_deflection_deg": found.joints / DEG,
             "tangent_stiffness_n_per_m_nm_per_rad": found.tangent_stiffness,
-        }
+        },
     )

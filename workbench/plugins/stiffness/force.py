@@ -23,8 +23,8 @@ from workbench.api import (
     Shaped,
     Toolpath,
     nearest,
+    result_file,
     stage,
-    strict_json,
 )
 from workbench.plugins.stiffness.coefficients import NAMES, PUBLISHED, CuttingCoefficients, read_coefficients
 from workbench.plugins.stiffness.elastic import MM
@@ -104,7 +104,7 @@ def force(
         layers.append(_layer_force(layer, toolpath.cutter, of, cut))
     process = CuttingProcess(of, helix_deg * DEG)
     found = MillingForce(tuple(layers), of.source, spindle_rpm, assumed, process)
-    return found, Document("milling_force.json", _document(found, toolpath.part))
+    return found, _document(found, toolpath.part)
 
 
 def _coefficients(cell: Cell | None, material: str | None, given: Six | None) -> tuple[CuttingCoefficients, str]:
@@ -169,11 +169,10 @@ def _u_mean(covariance: Float, cutter: Cutter, cut: Cut) -> Float:
     return np.asarray(np.sqrt(np.einsum("ikr,ij,jkr->kr", each, covariance, each)))
 
 
-def _document(found: MillingForce, part: Part) -> bytes:
-    return strict_json(
+def _document(found: MillingForce, part: Part) -> Document:
+    return result_file(
+        "milling_force.json",
         {
-            "format": "milling-force",
-            "version": 1,
             "part": asdict(part),
             "coefficients": found.source,
             "spindle_rpm": found.spindle_rpm,
@@ -181,7 +180,7 @@ def _document(found: MillingForce, part: Part) -> bytes:
                 {name: one for name, one in asdict(layer).items() if name not in DEPTHS and one is not None}
                 for layer in found.layers
             ],
-        }
+        },
     )
 
 

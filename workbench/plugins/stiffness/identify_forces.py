@@ -17,7 +17,6 @@ from workbench.api import (
     AnyArray,
     Bool,
     Chapter,
-    CoefficientsFile,
     Cutter,
     Document,
     Float,
@@ -29,6 +28,7 @@ from workbench.api import (
     estimator,
     pieces,
     read_forces,
+    result_file,
     stage,
 )
 from workbench.plugins.stiffness.coefficients import NAMES, CuttingCoefficients
@@ -158,7 +158,7 @@ def identify_forces(
         chosen = _fitted(recorded, per_tooth, cut, chosen.turn, runout.lost_n, as_built_u)
     _check_teeth(recorded, chosen, runout)
     found = Identified(material, tool, cut, tuple(recorded), per_tooth, len(tried), chosen, runout)
-    return Document(CoefficientsFile.NAME, _document(found)), _chapter(found)
+    return _document(found), _chapter(found)
 
 
 def _recorded(path: Path, forces: Forces, cut: Cutting) -> Recorded:
@@ -444,9 +444,10 @@ class Identified(NamedTuple):
     runout: RunOut
 
 
-def _document(found: Identified) -> bytes:
+def _document(found: Identified) -> Document:
     chosen = found.chosen
-    return CoefficientsFile.written(
+    return result_file(
+        "coefficients.json",
         {
             "material": found.material,
             "tool": found.tool,
@@ -473,7 +474,7 @@ def _document(found: Identified) -> bytes:
             ],
             "bandwidth_hz": found.cut.bandwidth_hz,
             "not_included": NOT_INCLUDED,
-        }
+        },
     )
 
 

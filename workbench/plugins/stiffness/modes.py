@@ -20,12 +20,12 @@ from workbench.api import (
     Float,
     InputError,
     InputFile,
-    ModesFile,
     PartNames,
     estimator,
     forward_kinematics,
     jacobian,
     pieces,
+    result_file,
     stage,
 )
 from workbench.plugins.stiffness.dynamics import at_tool, bodies_of, mass_matrix
@@ -131,7 +131,7 @@ def modes(
     who = UNKNOWN_PART.with_names(part)
     shown = at_posture(cell, found, joints)
     chapter = replace(_chapter(found, shown, tests, joints_deg), part=who, about="instruments")
-    return found, Document(ModesFile.NAME, _document(found, shown, asdict(who), joints_deg)), chapter
+    return found, _document(found, shown, asdict(who), joints_deg), chapter
 
 
 def at_posture(cell: Cell, modes: RobotModes, joints: Float) -> Dynamics:
@@ -265,9 +265,10 @@ NOT_INCLUDED = (
 )
 
 
-def _document(found: RobotModes, shown: Dynamics, who: dict[str, object], joints_deg: tuple[float, ...]) -> bytes:
+def _document(found: RobotModes, shown: Dynamics, who: dict[str, object], joints_deg: tuple[float, ...]) -> Document:
     frequency, ratio = swings(shown)
-    return ModesFile.written(
+    return result_file(
+        "modes.json",
         {
             "part": who,
             "joint_stiffness_nm_per_rad": found.nm_per_rad,
@@ -290,7 +291,7 @@ def _document(found: RobotModes, shown: Dynamics, who: dict[str, object], joints
             },
             "not_included": [*NOT_INCLUDED, *(f"not measured: {one}" for one in found.declared)],
             "warnings": list(found.warnings),
-        }
+        },
     )
 
 

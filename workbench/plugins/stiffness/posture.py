@@ -20,13 +20,13 @@ from workbench.api import (
     Float,
     InputError,
     PathGate,
-    PostureFile,
     Postures,
     Progress,
     Side,
     Toolpath,
     external_at,
     refuse_contradiction,
+    result_file,
     sliding,
     stage,
     within_margins,
@@ -201,7 +201,7 @@ def posture(
     return (
         made,
         _gate(gate, found, force),
-        Document("posture.json", posture_document(found)),
+        posture_document(found),
         posture_chapter(cell, found, toolpath),
     )
 
@@ -363,11 +363,12 @@ def _gate(gate: PathGate | None, found: Found, force: MillingForce) -> PathGate 
 # `posture.json`: postures of every point, and the map that the choice was made on. Degrees, mm.
 
 
-def posture_document(found: Found) -> bytes:
+def posture_document(found: Found) -> Document:
     """`points` are the layers' in their order; `travels` those of the travel moves, which come in between."""
     made, kept = found.postures, found.choice.steady  # from chatter, of the constant pair, less U; infinite: null
     margin = {"least_margin_asked": found.asked, "least_margin": found.choice.margin, "margin_kept": kept}
-    return PostureFile.written(
+    return result_file(
+        "posture.json",
         {
             "format": "posture",
             "version": 1,
@@ -387,7 +388,7 @@ def posture_document(found: Found) -> bytes:
             "points": _rows(found, np.flatnonzero(made.layer)),
             "travels": _rows(found, np.flatnonzero(made.layer == 0)),
             "map": _map(found),
-        }
+        },
     )
 
 

@@ -23,6 +23,7 @@ from workbench.api import (
     InputError,
     InputFile,
     StiffnessFile,
+    result_file,
     stage,
 )
 from workbench.plugins.csv_table import Table
@@ -76,22 +77,20 @@ def _exact(values: Float, source: str) -> JointStiffness:
 
 def stiffness_document(stiffness: JointStiffness, **more: Any) -> Document:
     """`stiffness.json` (docs/pipelines.md); `more`: what the identification adds."""
-    return Document(
-        StiffnessFile.NAME,
-        StiffnessFile.written(
-            {
-                "format": "joint-stiffness",
-                "version": 1,
-                "joint_stiffness_nm_per_rad": stiffness.nm_per_rad,
-                "covariance": stiffness.covariance,
-                "standard_uncertainty_nm_per_rad": stiffness.u_nm_per_rad,
-                "condition_number": stiffness.condition_number,
-                "postures": stiffness.postures,
-                "loads": stiffness.loads,
-                **more,
-                "warnings": list(stiffness.warnings),
-            }
-        ),
+    return result_file(
+        "stiffness.json",
+        {
+            "format": "joint-stiffness",
+            "version": 1,
+            "joint_stiffness_nm_per_rad": stiffness.nm_per_rad,
+            "covariance": stiffness.covariance,
+            "standard_uncertainty_nm_per_rad": stiffness.u_nm_per_rad,
+            "condition_number": stiffness.condition_number,
+            "postures": stiffness.postures,
+            "loads": stiffness.loads,
+            **more,
+            "warnings": list(stiffness.warnings),
+        },
     )
 
 

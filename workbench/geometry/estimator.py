@@ -31,7 +31,7 @@ from workbench.units import Bool, Float, Int, Shaped
 S = TypeVar("S")  # an instrument's estimate of its unknowns
 
 STEPS, CONVERGED = 40, 1e-10  # of a step's length in standard deviations, squared
-ROUNDED = 1e-6  # below which a step no shorter than the one before is rounding, as of a clock that counts from 1970
+WANDERS = 5  # steps in a row that lower chi-square no more: rounding (a clock from 1970), or nothing determines it
 WORSE = (1.5, 1.0)  # chi-square may grow so much by a step (factor, and more): weights move with the estimate
 OPEN = 1e-14  # eigenvalue of the scaled information below which nothing determines a direction
 ALONE = 1e-6  # share of its noise that the residual keeps, along what an observation determines alone
@@ -310,10 +310,11 @@ def fit(instrument: Instrument[S], start: S, used: Bool | None = None, steps: in
     """
     at, rows = start, instrument.rows(start)
     used = np.ones(len(rows.residual), bool) if used is None else used
-    now, length = rows.only(used).normal(), np.inf
+    now = rows.only(used).normal()
+    seen = [now.chi2]
     for _ in range(steps):
-        step, before = now.step(), length
-        length = float(step @ now.information @ step)
+        step = now.step()
+        length = step @ now.information @ step
         for _ in range(6):
             tried = _tried(instrument, instrument.moved(at, step), used)
             if tried is not None and tried[2].chi2 < WORSE[0] * now.chi2 + WORSE[1]:
@@ -322,7 +323,8 @@ def fit(instrument: Instrument[S], start: S, used: Bool | None = None, steps: in
         if tried is None:
             break
         at, rows, now = tried
-        if length < CONVERGED or before <= length < ROUNDED:
+        seen.append(now.chi2)
+        if length < CONVERGED or min(seen[-WANDERS:]) >= min(seen[:-WANDERS], default=np.inf):
             break
     return Fit(at, rows, used, now.information, now.chi2)
 

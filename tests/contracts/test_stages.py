@@ -17,6 +17,7 @@ import pytest
 from pydantic_core import to_jsonable_python
 
 from tests.contracts.conftest import values
+from workbench.artefacts import Document
 from workbench.checks.limits import LIMITS, OF_EDGES
 from workbench.errors import PipelineError, WorkbenchError
 from workbench.pipeline.catalogue import every_stage, families, parameter_texts, said_in_docstring, summary, unit_of
@@ -145,7 +146,7 @@ SILENT = {"scan.next"}  # of a part that is decided there is nothing to tell
 @each_stage
 @pytest.mark.usefixtures("in_the_project")
 def test_inputs_are_unchanged_and_bytes_repeat(stage: Stage, called: Any) -> None:
-    """A stage changes none of its inputs, and the same seed gives the same bytes."""
+    """It changes none of its inputs, the same seed gives the same bytes, and a result file begins with its format."""
     given, first = called(stage)
     before = digest(given)
     again = stage.function.__wrapped__(**given)
@@ -156,6 +157,9 @@ def test_inputs_are_unchanged_and_bytes_repeat(stage: Stage, called: Any) -> Non
     whole = len(kinds) == len(stage.produces) and all(map(issubclass, kinds, stage.produces))
     assert whole or set(kinds) <= set(stage.produces)  # of several ways, one
     assert made or stage.name in SILENT
+    for one in made:
+        if isinstance(one, Document) and one.name in RESULT_FILES:
+            assert list(json.loads(one.content))[:2] == ["format", "version"]
 
 
 def digest(artefacts: Any) -> str:

@@ -91,7 +91,7 @@ LIMITS: dict[str, Limit] = {
         3.1,
         "width of a moving mean over the columns of a profile",
         "a mean moves the edge of a face by up to half its width, which is in the uncertainty of the face's end; one "
-        "over more columns, or a Gaussian of 0.9, leaves too little of narrow faces",
+        "over more columns, or a Gaussian of 0.9, leaves too little of narrow faces; not asked of spheres",
     ),
     "held_end_share": Limit(
         0.1,

@@ -141,6 +141,7 @@ def test_a_file_of_another_kind_is_refused_by_its_name(name: str, called: Any, c
 
 
 SILENT = {"scan.next"}  # of a part that is decided there is nothing to tell
+WITHOUT_FORMAT = {"handeye.json", "calibration_validation.json"}  # older than the rule; the contract names none
 
 
 @each_stage
@@ -158,7 +159,7 @@ def test_inputs_are_unchanged_and_bytes_repeat(stage: Stage, called: Any) -> Non
     assert whole or set(kinds) <= set(stage.produces)  # of several ways, one
     assert made or stage.name in SILENT
     for one in made:
-        if isinstance(one, Document) and one.name in RESULT_FILES:
+        if isinstance(one, Document) and one.name in RESULT_FILES.keys() - WITHOUT_FORMAT:
             assert list(json.loads(one.content))[:2] == ["format", "version"]
 
 

@@ -179,9 +179,13 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     # Where nothing of a break is seen, returns are those of a sharp end in the same place.
     is_seen = (shown > 0.0) & np.isfinite(log)
     is_seen[0, 0, 0] = True
+    # What a greater incidence shows no more of looks the same, as a chamfer, which is seen whole or not at all.
+    is_new = is_seen.copy()
+    is_new[:, 1:] &= ~is_seen[:, :-1] | (shown[:, 1:] != shown[:, :-1])
     look = np.zeros(shown.shape, np.int64)
-    look[is_seen] = np.arange(is_seen.sum())
-    looks = [np.broadcast_to(of, shown.shape)[is_seen] for of in (size, turn, INCIDENCES[:, None], onward)]
+    look[is_new] = np.arange(is_new.sum())
+    look = np.maximum.accumulate(look, axis=1)
+    looks = [np.broadcast_to(of, shown.shape)[is_new] for of in (size, turn, INCIDENCES[:, None], onward)]
     one = _looked(view, looks)
     log += one.log[look]
     goes_on = size + onward > 0.0
@@ -221,8 +225,7 @@ def _looked(view: EndView, looks: list[Float]) -> _Looked:
     covariance, own = view.known.noise + view.known.free, QUARTER * fall
     score, hooked, amount = np.empty((3, of.size))
     hook = HOOK_MM / view.step_mm * aside
-    _log_likelihoods(view.known.mean, covariance, seen, own, 0.0 * hook, score, amount)
-    _log_likelihoods(view.known.mean, covariance, seen, np.hypot(own, QUARTER * hook), hook, hooked, amount)
+    _log_likelihoods(view.known.mean, covariance, seen, own, hook, score, hooked, amount)
     score = np.logaddexp(math.log(1.0 - HOOKED) + score, math.log(HOOKED) + hooked)
     seen += (HOOKED * np.exp(hooked - score) * amount)[:, None] * hook
     log = score.reshape(shape) + np.log(prior)[:, None]
@@ -316,11 +319,11 @@ def _depths(known: Float, phase: Int, place: Float, pixels: Float, lean: float, 
 
 @kernel
 def _log_likelihoods(
-    mean: Float, covariance: Float, expected: Float, u: Float, loose: Float, out: Float, amount: Float
+    mean: Float, covariance: Float, expected: Float, u: Float, loose: Float, out: Float, hooked: Float, amount: Float
 ) -> None:
     """Fill in those (s,) of means (g,) with a covariance (g, g), by what is expected (s, g), each with its own u.
 
-    What is loose (s, g) may be added to what is expected, by a normal amount: fill in its mean, given the data.
+    `hooked` (s,): where what is loose (s, g) is added to what is expected, by a normal amount whose mean is `amount`.
 
     Shapes reach from the last returns inwards: behind them nothing is expected, without u. The Cholesky rows of what
     lies there stand first, and are kept from shape to shape: 1 / the diagonal, on it.
@@ -351,5 +354,5 @@ def _log_likelihoods(
             if i >= behind:
                 own, both = own + free[i] ** 2, both + free[i] * white[i]
         same = behind
-        amount[n] = both / own
-        out[n] = math.log(root[size]) - 0.5 * (squares[size] + math.log(own) - both * both / own)
+        out[n], amount[n] = math.log(root[size]) - 0.5 * squares[size], both / own
+        hooked[n] = out[n] - 0.5 * (math.log(own) - both * both / own)

@@ -14,7 +14,7 @@ import scipy
 
 from workbench.api import Cutter, Float
 from workbench.plugins.stiffness.coefficients import PUBLISHED, CuttingCoefficients
-from workbench.plugins.stiffness.force import STEPS, Teeth, milling_force
+from workbench.plugins.stiffness.force_stage import STEPS, Teeth, milling_force
 
 FEEDS = (300.0, 600.0, 900.0)  # mm/min, of the shipped recordings
 # The dynamometer: force on the workpiece, x against the feed, y across, z up.

@@ -13,10 +13,10 @@ import numpy as np
 
 from bench.harness import ROOT
 from workbench.plugins.stiffness import plan_loads
-from workbench.plugins.stiffness.simulate_loads import simulate_tests
+from workbench.plugins.stiffness.simulate_loads_stage import simulate_tests
 from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD, TABLE_A1_DEG, JointStiffness, LoadingTests
 from workbench.robot import Cell, abb_angles, read_cell
-from workbench.robot.cell import LoadingSetup
+from workbench.robot.cell_model import LoadingSetup
 from workbench.units import Float
 
 CELL = ROOT / "data" / "robot" / "cell.json"

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from workbench.geometry.poses import pose_from
 from workbench.robot import Cell
-from workbench.robot.cell import ON_TURNTABLE, Shape
+from workbench.robot.cell_model import ON_TURNTABLE, Shape
 from workbench.robot.collision import borne_doubtfully
 from workbench.units import Bool, Float, Int
 

@@ -27,7 +27,7 @@ from bench.tables import markdown
 from workbench.artefacts import Judgement
 from workbench.program.rapid import MODES, MODULE, Module
 from workbench.robot import Cell, forward_kinematics, read_cell
-from workbench.robot.cell import ON_BASE, ON_CRADLE, ON_TURNTABLE, Shape, Turntable
+from workbench.robot.cell_model import ON_BASE, ON_CRADLE, ON_TURNTABLE, Shape, Turntable
 from workbench.robot.collision import left_out
 from workbench.robot.judge import judge
 from workbench.units import Float

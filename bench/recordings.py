@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from workbench.artefacts import Recording
 from workbench.geometry.poses import quaternion_from_rotation
-from workbench.scan.fuse import flange_poses
+from workbench.scan.fuse_stage import flange_poses
 from workbench.units import Float
 
 

@@ -132,24 +132,7 @@ def is_inner(name: str) -> bool:
         return True
     folder = ROOT.joinpath(*parts[: 3 if parts[1:2] == ["plugins"] else 2])
     room = len(folder.relative_to(ROOT).parts)
-    return (
-        folder.is_dir() and len(parts) > room and folder.joinpath(parts[room] + ".py").is_file() and name not in PUBLIC
-    )
-
-
-def public_names() -> set[str]:
-    """What the packages list in `__all__`: a stage may bear its module's name."""
-    names = set()
-    for path in (ROOT / "workbench").rglob("__init__.py"):
-        package = ".".join(path.parent.relative_to(ROOT).parts)
-        for one in ast.parse(path.read_text()).body:
-            if isinstance(one, ast.Assign) and isinstance(one.targets[0], ast.Name) and one.targets[0].id == "__all__":
-                listed = [each.value for each in ast.walk(one.value) if isinstance(each, ast.Constant)]
-                names |= {f"{package}.{each}" for each in listed}
-    return names
-
-
-PUBLIC = public_names()
+    return folder.is_dir() and len(parts) > room and folder.joinpath(parts[room] + ".py").is_file()
 
 
 def inner_tests(text: str) -> int:

@@ -17,7 +17,7 @@ from starlette.responses import FileResponse, RedirectResponse, Response
 from starlette.types import Receive, Scope, Send
 
 from workbench.errors import InputError
-from workbench.report.html import script_source, viewer_script
+from workbench.report.html_stage import script_source, viewer_script
 from workbench.server import LocalServer, said
 
 # What of a directory may be served, and as what: regular files inside it, by plain names.

@@ -20,8 +20,8 @@ from workbench.api import DEG, Chain, Float, estimator, inverse_kinematics, pose
 from workbench.plugins.calibration.arm_errors import ArmErrors, arm_errors
 from workbench.plugins.calibration.model import Estimate, Noise
 from workbench.plugins.calibration.observations import from_arrays
-from workbench.plugins.calibration.robot import together
-from workbench.plugins.calibration.tracker import Seen, Tracking
+from workbench.plugins.calibration.robot_stage import together
+from workbench.plugins.calibration.tracker_stage import Seen, Tracking
 
 CELL = ROOT / "data" / "robot" / "cell.json"
 CENTER, RADIUS_MM = np.array([1890.33, 241.48, 1079.72]), 5.0

@@ -16,7 +16,7 @@ from bench.recordings import columns, dense_stream, frames, with_grid, with_valu
 from workbench.artefacts import Recording
 from workbench.geometry.poses import inverse, pose_from
 from workbench.scan.checks import normalised
-from workbench.scan.fuse import flange_poses
+from workbench.scan.fuse_stage import flange_poses
 from workbench.synthetic import Truth
 from workbench.units import Bool, Float
 

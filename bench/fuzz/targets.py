@@ -85,7 +85,7 @@ def _urdf(path: Path) -> object:
 
 def _deflections(path: Path) -> object:
     from workbench.path import read
-    from workbench.twin.mill import read_deflections
+    from workbench.twin.mill_stage import read_deflections
 
     return read_deflections(path, read(toolpath=CORPUS / "toolpath" / "short.json").layers)
 

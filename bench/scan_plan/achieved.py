@@ -19,11 +19,11 @@ from workbench.errors import InputError, WorkbenchError
 from workbench.geometry.poses import inverse, pose_from
 from workbench.result_files import SensorFile
 from workbench.robot import Cell, turntable_pose
-from workbench.robot.cell import ON_TURNTABLE, Shape
+from workbench.robot.cell_model import ON_TURNTABLE, Shape
 from workbench.scan import read_hand_eye
 from workbench.scan_plan import ScanPlan
 from workbench.scan_plan.information import Joint, Knowledge
-from workbench.scan_plan.plan import Task, as_profiler, courses, planned, predicted
+from workbench.scan_plan.plan_stage import Task, as_profiler, courses, planned, predicted
 from workbench.scan_plan.reach import scan_cell
 from workbench.scan_plan.way import EdgeLine
 from workbench.synthetic.workpiece import build_surface, edge_frames, pose

@@ -8,7 +8,7 @@ import numpy as np
 
 from bench.recordings import told, with_values
 from workbench.artefacts import Recording
-from workbench.scan.fuse import flange_poses
+from workbench.scan.fuse_stage import flange_poses
 from workbench.units import Float
 
 LINEARITY_UM = 1.0  # rms of what a data sheet allows

@@ -13,7 +13,7 @@ from bench.odd_plates import DEBURRED, odd_plate
 from bench.outside import Part, Section, Usual, simulate
 from bench.score.errors import about_robot, as_real
 from bench.score.parts import Drawn
-from workbench.scan.fuse import flange_poses
+from workbench.scan.fuse_stage import flange_poses
 from workbench.units import DEG
 
 SHAPES = (

@@ -34,7 +34,7 @@ from workbench.plugins.stiffness.traversal import Examiner, sample, search, trav
 from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD
 from workbench.program import write
 from workbench.robot import Cell, read_cell
-from workbench.robot.cell import ON_BASE, Shape
+from workbench.robot.cell_model import ON_BASE, Shape
 from workbench.synthetic import write_simulation
 from workbench.synthetic.sphere import design_hand_eye
 

@@ -14,10 +14,10 @@ from scripts.pictures.panels import MOST_DOTS, Curve, Panel, Picture, plan
 from workbench import compare, inspect
 from workbench.artefacts import Groove, Joint
 from workbench.pieces import BLUE, GREY, ORANGE, PALE
-from workbench.plugins.calibration.report import residuals_picture
+from workbench.plugins.calibration.report_stage import residuals_picture
 from workbench.report.along import deviation_chart, size_chart
-from workbench.report.correction import correction_chart
-from workbench.report.groove import groove_drawing
+from workbench.report.correction_stage import correction_chart
+from workbench.report.groove_stage import groove_drawing
 from workbench.report.path_charts import edges_in_plane
 from workbench.report.planned import layer_colours
 from workbench.report.section_drawing import of_interest

@@ -3,7 +3,7 @@
 import numpy as np
 
 from workbench.artefacts import Part
-from workbench.compare.surface import Surface
+from workbench.compare.surface_stage import Surface
 
 LENGTH, WIDTH, DEPTH = 40.0, 8.0, 6.0  # mm, of the faces of a rectangular edge along x
 AT = np.array([1500.0, 200.0, 800.0])  # where it lies in the base

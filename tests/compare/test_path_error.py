@@ -12,7 +12,7 @@ from workbench.artefacts import Check, Document
 from workbench.cloud import denoise
 from workbench.compare import deviation, register, surface
 from workbench.compare.statistics import path_error_u
-from workbench.compare.surface import Deviations, Surface
+from workbench.compare.surface_stage import Deviations, Surface
 from workbench.scan import fuse
 from workbench.synthetic import Recipe, simulate_recording
 from workbench.units import DEG, Float

@@ -42,6 +42,13 @@ def test_one_name_everywhere(stage: Stage) -> None:
 
 
 @each_stage
+def test_hides_no_module(stage: Stage) -> None:
+    """`workbench.family.verb` is the stage, whatever was imported before."""
+    package, _, module = stage.function.__module__.rpartition(".")
+    assert not (Path(sys.modules[package].__path__[0]) / f"{stage.function.__name__}.py").exists(), module
+
+
+@each_stage
 def test_says_what_it_does(stage: Stage) -> None:
     assert len(summary(stage)) > 20
     assert stage.produces

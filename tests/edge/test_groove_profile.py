@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from workbench.edge.groove_profile import read_profile
-from workbench.edge.segment_groove import possible_types, with_a_bevel
+from workbench.edge.segment_groove_stage import possible_types, with_a_bevel
 
 
 def test_a_profile_is_read_from_both_sides() -> None:

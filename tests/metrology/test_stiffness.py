@@ -9,7 +9,7 @@ from scipy.stats import chi2
 from bench.loading_truth import K, known, noisy
 from tests.seldom import seldom
 from workbench.plugins.stiffness.equations import covariances, equations
-from workbench.plugins.stiffness.identify import identify_from
+from workbench.plugins.stiffness.identify_stage import identify_from
 
 SETS = 20
 

@@ -7,7 +7,7 @@ from typing import Any
 from workbench.artefacts import Moves, PathGate, ProgramMoves
 from workbench.dialect import ProgramJob, program_files
 from workbench.program.rapid import Rapid
-from workbench.program.write import OTHERS, program_job
+from workbench.program.write_stage import OTHERS, program_job
 from workbench.robot import Cell
 
 from .conftest import passed

@@ -14,7 +14,7 @@ from bench.program_outsider import Outsider, Target
 from workbench.api import inverse, quaternion_from_rotation, rotation_from_quaternion
 from workbench.artefacts import Moves, Postures, ProgramMoves, Toolpath
 from workbench.path import simplify
-from workbench.path.simplify import _points
+from workbench.path.simplify_stage import _points
 from workbench.robot import Cell, Turntable, forward_kinematics, inverse_kinematics, read_cell, within_limits
 from workbench.units import Float
 

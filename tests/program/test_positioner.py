@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -128,7 +127,7 @@ def law(tmp_path_factory: Any) -> Any:
 
     grid = {"cutter_rotation_deg": (-90, -50), "turntable_deg": (-100, -70), "step_deg": 2.0}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(importlib.import_module("workbench.plugins.stiffness.posture"), "_ways", ways)
+        patch.setattr("workbench.plugins.stiffness.posture_stage._ways", ways)
         return cell, plan, *planned(cell, plan, stiffness.read(joint_stiffness_nm_per_rad=(4e6,) * 6), **grid)
 
 

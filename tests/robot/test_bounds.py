@@ -24,7 +24,7 @@ from workbench.robot import (
     standing_poses,
 )
 from workbench.robot.bounds import FREE, SAFE_MM
-from workbench.robot.cell import ON_BASE, ON_CRADLE, ON_TURNTABLE
+from workbench.robot.cell_model import ON_BASE, ON_CRADLE, ON_TURNTABLE
 
 from .conftest import plainly
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from workbench.robot import Cell, Chain, arm_sides, forward_kinematics, inverse_kinematics, within_margins
-from workbench.robot.cell import DIGITS
+from workbench.robot.cell_model import DIGITS
 from workbench.robot.wrist import free_joint_3, level_joint_3
 
 

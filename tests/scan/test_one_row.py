@@ -15,7 +15,6 @@ from workbench.edge import segment
 from workbench.geometry.blocks import is_repeated
 from workbench.inspect import sections
 from workbench.scan import fuse, read
-from workbench.scan import read as read_stage
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 
@@ -46,9 +45,7 @@ def test_frames_that_differ_are_read_with_their_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compression: str | None, block_bytes: int
 ) -> None:
     """Blocks before and after the one that shows it are filled in."""
-    import sys
-
-    monkeypatch.setattr(sys.modules[read_stage.__module__], "BLOCK_BYTES", block_bytes)
+    monkeypatch.setattr("workbench.scan.read_stage.BLOCK_BYTES", block_bytes)
     path = tmp_path / "scan.h5"
     path.write_bytes((DATA / "milled_edge.h5").read_bytes())
     with h5py.File(path, "r+") as file:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import os
 import random
 import zlib
@@ -20,7 +19,6 @@ from workbench.artefacts import Recording
 from workbench.errors import InputError
 from workbench.scan import read
 
-MODULE = importlib.import_module("workbench.scan.read")  # its own name is the stage's
 Build = Callable[..., Path]
 Edit = Callable[[Any], None]
 
@@ -159,7 +157,7 @@ def test_a_damaged_chunk_is_refused(build: Build, content: bytes, message: str) 
 def test_blocks_of_frames_make_up_the_whole(
     build: Build, good: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(MODULE, "BLOCK_BYTES", 4 * 7 * 5)
+    monkeypatch.setattr("workbench.scan.read_stage.BLOCK_BYTES", 4 * 7 * 5)
     seen: list[float] = []
     got = read(recording=build(), progress=seen.append)
     np.testing.assert_array_equal(got.z_mm, good["/profiles/z"])
@@ -473,7 +471,7 @@ def test_a_recording_that_vanishes_or_changes_half_way_is_refused(
     build: Build, what: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = build(chunks=(1, 7))
-    monkeypatch.setattr(MODULE, "BLOCK_BYTES", 4)
+    monkeypatch.setattr("workbench.scan.read_stage.BLOCK_BYTES", 4)
 
     def interfere(fraction: float) -> None:
         if fraction < 0.3:

@@ -11,7 +11,7 @@ from tests.scan_plan.test_information import JOINT, LENGTH_MM, SENSOR
 from workbench import cloud, edge, scan
 from workbench.scan_plan.edges import roughness_mm
 from workbench.scan_plan.information import MOST_INCIDENCE, Knowledge, View, incidences
-from workbench.scan_plan.plan import Task
+from workbench.scan_plan.plan_stage import Task
 from workbench.scan_plan.search import Candidate, Search, Wanted
 from workbench.scan_plan.way import EdgeLine
 from workbench.units import DEG

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from workbench.artefacts import Recording
-from workbench.scan.fuse import flange_poses
+from workbench.scan.fuse_stage import flange_poses
 from workbench.units import Float
 
 

@@ -9,7 +9,7 @@ from tests.twin.conftest import perfect_path
 from workbench.errors import InputError
 from workbench.synthetic import Workpiece, milled_truth
 from workbench.twin import mill
-from workbench.twin.mill import read_deflections
+from workbench.twin.mill_stage import read_deflections
 from workbench.units import DEG
 
 HEADER = "layer,point,dx_mm,dy_mm,dz_mm\n"

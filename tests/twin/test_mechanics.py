@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from workbench.api import pose_from, quaternion_from_rotation, rotation_from_vector
-from workbench.twin.mill import Mechanics, straight_moves
+from workbench.twin.mill_stage import Mechanics, straight_moves
 from workbench.units import DEG
 
 ZERO = np.zeros(3)

@@ -1,7 +1,5 @@
 """Stages on clouds: those of other scanners are read and registered; recorded ones denoised."""
 
-from workbench.cloud.denoise import denoise
-from workbench.cloud.read import read
-from workbench.cloud.register import register
+import lazy_loader
 
-__all__ = ["denoise", "read", "register"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

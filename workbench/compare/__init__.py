@@ -1,9 +1,5 @@
 """Scans beside scans, meshes and plans; measurements beside measurements: `compare.*`."""
 
-from workbench.compare.deviation import deviation
-from workbench.compare.register import register
-from workbench.compare.repeatability import repeatability
-from workbench.compare.study import study
-from workbench.compare.surface import mesh, plan, surface
+import lazy_loader
 
-__all__ = ["deviation", "mesh", "plan", "register", "repeatability", "study", "surface"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -10,7 +10,7 @@ import numpy as np
 from workbench import pieces
 from workbench.artefacts import Chapter
 from workbench.compare.statistics import Summary
-from workbench.compare.surface import Deviations, Registration, Surface
+from workbench.compare.surface_stage import Deviations, Registration, Surface
 from workbench.geometry.poses import inverse, mapped
 from workbench.marks import DIVERGING, Colour, ramp
 from workbench.pieces import BLUE, GREY, ORANGE, PALE

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from workbench.compare.surface import Surface
+from workbench.compare.surface_stage import Surface
 from workbench.geometry.medians import robust_sd
 from workbench.geometry.poses import frame_about
 from workbench.units import Bool, Float, Int, Shaped

@@ -24,7 +24,7 @@ import scipy
 from skimage.measure import label
 from skimage.morphology import closing
 
-from workbench.compare.surface import Deviations
+from workbench.compare.surface_stage import Deviations
 from workbench.units import DEG, Bool, Float, Int, Shaped
 
 # Where something changed: adjoining places on the map, as regions with a size and a mean.

@@ -1,9 +1,5 @@
 """Clouds, sections and measurements as files that other programs read."""
 
-from workbench.export.cloud import cloud
-from workbench.export.inspection import inspection
-from workbench.export.qdas import qdas
-from workbench.export.qif import qif
-from workbench.export.sections import sections
+import lazy_loader
 
-__all__ = ["cloud", "inspection", "qdas", "qif", "sections"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -2,8 +2,6 @@
 the prepared edge of one plate by `inspect.preparation`.
 """
 
-from workbench.inspect.gate import gate
-from workbench.inspect.groove import groove, groove_gate, preparation
-from workbench.inspect.sections import sections
+import lazy_loader
 
-__all__ = ["gate", "groove", "groove_gate", "preparation", "sections"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

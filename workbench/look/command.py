@@ -14,7 +14,7 @@ from markupsafe import Markup
 from workbench import cad, force_file
 from workbench.artefacts import Recording, Scene, Shading, Strokes
 from workbench.cloud import readers
-from workbench.cloud.read import LEAST_POINTS, check_size, fitting_units, in_process, unit_stated
+from workbench.cloud.read_stage import LEAST_POINTS, check_size, fitting_units, in_process, unit_stated
 from workbench.cloud.units import MM
 from workbench.errors import InputError, one_line
 from workbench.importing import arrays, tracker
@@ -28,7 +28,7 @@ from workbench.look.recorded import recording_seen, unchecked
 from workbench.look.rows import groove_of_rows
 from workbench.look.seen import MOST_POINTS, Profile, Seen, Shade, box, chosen_of, failed, limit_text, shades_of, told
 from workbench.look.seven_corners import read_corners, recognised
-from workbench.scan.read import read as read_recording
+from workbench.scan.read_stage import read as read_recording
 from workbench.storage import write_whole
 
 
@@ -315,7 +315,7 @@ SHARE = (1.0, 99.0)  # per cent of the values that the ramp spans; strays do not
 
 def page(found: Seen) -> str:
     """The whole page."""
-    from workbench.report.html import packed, policy
+    from workbench.report.html_stage import packed, policy
     from workbench.report.text import data_address, source
     from workbench.templates import environment
 

@@ -19,9 +19,9 @@ from workbench.geometry.blocks import evenly
 from workbench.geometry.poses import inverse, pose_from, rotation_from_quaternion, rpy_from_rotation
 from workbench.importing.command import summary
 from workbench.look.seen import Seen, box, failed, measured, places, shades_of, stacked, told_profile
-from workbench.scan.fuse import flange_poses, pass_after_pass
+from workbench.scan.fuse_stage import flange_poses, pass_after_pass
 from workbench.scan.hdf5 import FIELDS, data_sets, opened, whole
-from workbench.scan.read import ON_THE_GRID, read_in
+from workbench.scan.read_stage import ON_THE_GRID, read_in
 from workbench.units import AnyArray, Float, Float32
 
 MOST_SUGGESTIONS, MOST_TRIED = 5, 12  # conventions named; those, the likeliest first, that every check is tried on

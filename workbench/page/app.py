@@ -35,7 +35,7 @@ from workbench.page.records import alike, fleet
 from workbench.page.store import FILTERS, Preset, Run, Store
 from workbench.pipeline.catalogue import unit_of
 from workbench.pipeline.follow import state_of
-from workbench.report.html import script_source, viewer_script
+from workbench.report.html_stage import script_source, viewer_script
 from workbench.server import LocalServer
 from workbench.storage import beside
 from workbench.view import NotServedError, Results, serve_at, within

@@ -104,7 +104,10 @@ def load(family: str, name: str = "") -> None:
         if name in REGISTRY:
             return
         try:
-            importlib.import_module(module)
+            found = importlib.import_module(module)
+            for each in getattr(found, "__all__", ()):
+                if not name or name == f"{family}.{each}":
+                    getattr(found, each)  # the project's own import a stage when it is asked for
         except PipelineError:
             raise
         except Exception as error:  # a plug-in may fail in any way while it is imported

@@ -192,7 +192,7 @@ class _Sight:
 
 def _drawn(results: Results) -> bytes | None:
     """The measured sections of an inspection, as SVG; None: there is none."""
-    from workbench.report.groove import groove_drawing
+    from workbench.report.groove_stage import groove_drawing
     from workbench.report.section_drawing import of_interest, section_drawings
 
     found = next((one for one in results if isinstance(one, JointInspection)), None)

@@ -1,6 +1,5 @@
 """Stages that write programs for robot controllers: `program.*`."""
 
-from workbench.program.csv import csv
-from workbench.program.write import write
+import lazy_loader
 
-__all__ = ["csv", "write"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

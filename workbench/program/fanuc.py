@@ -32,7 +32,7 @@ from workbench.geometry.moves import chords_mm
 from workbench.language import NUMBER, Language, refuse
 from workbench.program.reading import Reading, euler_pose, euler_rows, one_or_all
 from workbench.program.skeleton import SWITCHED, Numbered, check_words, numbered, tidy
-from workbench.robot.cell import DIGITS, Cell
+from workbench.robot.cell_model import DIGITS, Cell
 from workbench.robot.collision import sliding
 from workbench.robot.wrist import arm_sides, free_joint_3, level_joint_3
 from workbench.units import DEG, Float

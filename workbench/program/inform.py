@@ -31,7 +31,7 @@ from workbench.language import NUMBER, Language, row
 from workbench.program.fanuc import cut
 from workbench.program.reading import Reading, euler_pose, euler_rows
 from workbench.program.skeleton import SWITCHED, Numbered, check_standing_turntable, check_words, numbered
-from workbench.robot.cell import Cell
+from workbench.robot.cell_model import Cell
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import Chain, forward_kinematics
 from workbench.robot.wrist import arm_sides

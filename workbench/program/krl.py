@@ -24,7 +24,7 @@ from workbench.dialect import rounded_feeds
 from workbench.language import NAME, NUMBER, Language, reading, row
 from workbench.program.reading import Reading, euler_pose, euler_rows, numbers_in, one_file, one_or_all
 from workbench.program.skeleton import JOINT_PERCENT, SWITCHED, CellDialect, check_words, numbered, tidy
-from workbench.robot.cell import Cell
+from workbench.robot.cell_model import Cell
 from workbench.robot.wrist import arm_sides
 from workbench.units import DEG, Float, Int
 

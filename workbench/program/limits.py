@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.artefacts import Check, Moves, PathGate
 from workbench.geometry.poses import rotation_from_quaternion
-from workbench.robot.cell import Cell
+from workbench.robot.cell_model import Cell
 from workbench.units import DEG
 
 DEFLECTION_SHARE, REPEATABILITY_SHARE = 0.5, 0.25  # of the root face's tolerance: what is left is the measurement's

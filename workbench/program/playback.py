@@ -7,7 +7,7 @@ import numpy as np
 from workbench.artefacts import Judgement, Scene
 from workbench.geometry.poses import inverse
 from workbench.robot.bounds import CollisionScreen
-from workbench.robot.cell import Cell
+from workbench.robot.cell_model import Cell
 from workbench.robot.collision import base_from_targets, standing_poses
 from workbench.robot.drawing import WAY, body_edges, drawn
 from workbench.robot.kinematics import forward_kinematics, motions

@@ -31,7 +31,7 @@ from workbench.language import NUMBER, Language, row
 from workbench.program.reading import Reading, one_or_all
 from workbench.program.skeleton import SWITCHED, CellDialect, check_words, tidy
 from workbench.program.words import GENERATED, IDENTIFIER, PREDEFINED, TAKEN
-from workbench.robot.cell import Cell
+from workbench.robot.cell_model import Cell
 from workbench.robot.wrist import arm_sides
 from workbench.units import DEG, Float, Int
 

@@ -15,8 +15,8 @@ from workbench.artefacts import EventKind, ProgramEvent, ProgramMove, ProgramMov
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from, rotation_from_quaternion, rotation_from_rpy
 from workbench.language import NUMBER, Language, Said, refuse
-from workbench.robot.cell import Cell
 from workbench.robot.cell_file import ProcessPart, Signal
+from workbench.robot.cell_model import Cell
 from workbench.units import DEG, Float
 
 

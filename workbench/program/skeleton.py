@@ -26,8 +26,8 @@ from workbench.geometry.poses import rotation_from_quaternion
 from workbench.language import Language
 from workbench.program.reading import Reading
 from workbench.program.words import NUMBERED, RESERVED
-from workbench.robot.cell import Cell
 from workbench.robot.cell_file import ProcessPart
+from workbench.robot.cell_model import Cell
 from workbench.robot.process import drawn_back, turntable_at_home
 from workbench.units import DEG, Float
 

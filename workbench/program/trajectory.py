@@ -33,7 +33,7 @@ from workbench.geometry.poses import (
 from workbench.kernels import kernel
 from workbench.language import Language, row
 from workbench.program.reading import Reading, one_file
-from workbench.robot.cell import Cell
+from workbench.robot.cell_model import Cell
 from workbench.robot.collision import turntable_pose
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import forward_kinematics

@@ -25,7 +25,7 @@ from workbench.geometry.poses import pose_from, rotation_from_quaternion, rotati
 from workbench.language import NUMBER, Language, row
 from workbench.program.reading import Reading
 from workbench.program.skeleton import CellDialect, check_standing_turntable, check_words, tidy
-from workbench.robot.cell import Cell
+from workbench.robot.cell_model import Cell
 from workbench.units import DEG, Float
 
 ACCELERATION_M_S2 = 0.5  # of the tool

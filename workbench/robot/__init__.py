@@ -6,7 +6,8 @@ tests. Collision is python-fcl's.
 
 from workbench.artefacts.showing import shown_all
 from workbench.robot.bounds import CollisionScreen
-from workbench.robot.cell import Cell, LoadingSetup, Margins, Shape, Turntable, dexterity, within_margins
+from workbench.robot.cell_model import Cell, LoadingSetup, Margins, Shape, Turntable, dexterity, within_margins
+from workbench.robot.cell_stage import cell, read_cell
 from workbench.robot.collision import (
     Clearance,
     CollisionModel,
@@ -31,10 +32,9 @@ from workbench.robot.kinematics import (
     motions,
     within_limits,
 )
-from workbench.robot.plate import plate
+from workbench.robot.plate_stage import plate
 from workbench.robot.process import turntable_at_home
-from workbench.robot.read import cell, read_cell
-from workbench.robot.refusal import refusal
+from workbench.robot.refusals import refusal
 from workbench.robot.wrist import SIDES, Side, SphericalWrist, arm_sides, refuse_contradiction, spherical_wrist
 
 __all__ = [

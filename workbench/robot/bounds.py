@@ -26,7 +26,7 @@ from workbench.robot.bound_kernels import (
     pairs_kernel,
     swept_kernel,
 )
-from workbench.robot.cell import ON_TURNTABLE, Cell, Shape
+from workbench.robot.cell_model import ON_TURNTABLE, Cell, Shape
 from workbench.robot.collision import LOOKS, CollisionModel, checked_pairs, standing_poses
 from workbench.robot.kinematics import joint_axes, motions
 from workbench.units import DEG, Bool, Float, Int, Shaped

@@ -16,7 +16,7 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.extras import Extra
 from workbench.geometry.poses import inverse
-from workbench.robot.cell import ON_CRADLE, ON_TURNTABLE, Cell, Shape, Turntable
+from workbench.robot.cell_model import ON_CRADLE, ON_TURNTABLE, Cell, Shape, Turntable
 from workbench.robot.kinematics import Chain, motions
 from workbench.units import COVERAGE, DEG, Float, Shaped
 

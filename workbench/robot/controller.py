@@ -14,8 +14,8 @@ import numpy as np
 
 from workbench.artefacts import ProgramMove, ProgramMoves, Violation
 from workbench.geometry.poses import inverse, pose_from, rpy_from_rotation
-from workbench.robot.cell import Cell
 from workbench.robot.cell_file import matrix_of
+from workbench.robot.cell_model import Cell
 from workbench.robot.kinematics import Chain, forward_kinematics
 from workbench.robot.makers import MAKERS, Maker
 from workbench.units import DEG, Float

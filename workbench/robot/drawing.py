@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.artefacts import Strokes
 from workbench.geometry.poses import mapped
-from workbench.robot.cell import Cell, Shape
+from workbench.robot.cell_model import Cell, Shape
 from workbench.robot.collision import standing_poses
 from workbench.robot.kinematics import motions
 from workbench.units import AnyArray, Float

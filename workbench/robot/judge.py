@@ -17,7 +17,7 @@ from workbench.artefacts import Judgement, Moves, Nearest, ProgramMoves, Violati
 from workbench.geometry.moves import arc_lengths_mm, chords_mm
 from workbench.geometry.poses import inverse
 from workbench.robot.bounds import SAFE_MM, CollisionScreen
-from workbench.robot.cell import Cell, dexterity, turntable_margin
+from workbench.robot.cell_model import Cell, dexterity, turntable_margin
 from workbench.robot.collision import CollisionModel, left_out, sliding, standing_poses, turntable_pose
 from workbench.robot.controller import frame_faults
 from workbench.robot.kinematics import forward_kinematics, motions

@@ -1,6 +1,6 @@
 """Makers of controllers: by what name a cell's file knows them, where base and flange are, how poses are logged.
 
-A further one has its language in `workbench/program/`, which `workbench/program/write.py` names.
+A further one has its language in `workbench/program/`, which `workbench/program/write_stage.py` names.
 
 Sources: FANUC and Yaskawa: the world's (robot's) origin lies where axis 1 meets the height of axis 2
 (ros-industrial/fanuc#101, ros-industrial/motoman#234). ABB: at the foot, on axis 1, x forward, z up

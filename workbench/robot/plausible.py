@@ -12,7 +12,6 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.geometry.poses import mapped
-from workbench.robot.cell import Shape
 from workbench.robot.cell_file import (
     AxisPart,
     CellPart,
@@ -25,6 +24,7 @@ from workbench.robot.cell_file import (
     matrix_of,
     stated,
 )
+from workbench.robot.cell_model import Shape
 from workbench.robot.drawing import shape_triangles
 from workbench.units import Float
 

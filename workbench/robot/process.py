@@ -9,8 +9,8 @@ import numpy as np
 
 from workbench.artefacts import ProgramMove, ProgramMoves
 from workbench.robot.bounds import CollisionScreen
-from workbench.robot.cell import Cell
 from workbench.robot.cell_file import HomePart, ProcessPart
+from workbench.robot.cell_model import Cell
 from workbench.robot.collision import outermost
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import forward_kinematics

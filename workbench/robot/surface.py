@@ -10,7 +10,7 @@ import numpy as np
 from workbench.artefacts import Layer, Toolpath, Travel
 from workbench.geometry.moves import arc_lengths_mm, chords_mm
 from workbench.geometry.poses import interpolate_poses, inverse
-from workbench.robot.cell import Cell
+from workbench.robot.cell_model import Cell
 from workbench.robot.collision import turntable_pose
 from workbench.units import DEG, Float, Int, Shaped
 

@@ -20,7 +20,7 @@ from workbench.children import read_by
 from workbench.errors import InputError, nearest
 from workbench.extras import Extra
 from workbench.geometry.poses import inverse, mapped, pose_from, rotation_from_rpy
-from workbench.robot.cell import Shape, read_mesh
+from workbench.robot.cell_model import Shape, read_mesh
 from workbench.robot.kinematics import CONVENTIONAL, Bodies, Chain
 from workbench.storage import regular_file
 from workbench.strict_json import MAX_BYTES

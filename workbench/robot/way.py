@@ -32,7 +32,7 @@ from workbench.geometry.poses import (
     slerp,
 )
 from workbench.kernels import kernel
-from workbench.robot.cell import Cell
+from workbench.robot.cell_model import Cell
 from workbench.robot.collision import base_from_targets
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import forward_kinematics

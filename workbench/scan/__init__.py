@@ -2,7 +2,7 @@
 
 from workbench.recording_file import write
 from workbench.scan.checks import read_hand_eye
-from workbench.scan.fuse import fuse
-from workbench.scan.read import read
+from workbench.scan.fuse_stage import fuse
+from workbench.scan.read_stage import read
 
 __all__ = ["fuse", "read", "read_hand_eye", "write"]

@@ -144,7 +144,7 @@ def next_(
         return ()
     from workbench.result_files import SensorFile
     from workbench.scan_plan.information import Knowledge
-    from workbench.scan_plan.plan import as_profiler
+    from workbench.scan_plan.plan_stage import as_profiler
 
     told = SensorFile() if sensor is None else SensorFile.read(sensor)
     profiler = as_profiler(_as_recorded(cloud, told), sensor)

@@ -11,7 +11,7 @@ import numpy as np
 from workbench import pieces, plot
 from workbench.artefacts import Chapter, Gate
 from workbench.scan_plan.information import MOST_INCIDENCE, Joint, View
-from workbench.scan_plan.plan import ScanPlan
+from workbench.scan_plan.plan_stage import ScanPlan
 from workbench.scan_plan.rehearsal import WAVE_MM
 from workbench.scan_plan.way import aim_mm
 from workbench.units import COVERAGE, DEG

@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 from workbench import cad
 from workbench.artefacts import ROOT_FACE, Cloud, Edge, HandEye, Toolpath
 from workbench.cad import NominalEdge
-from workbench.compare.surface import rigid
+from workbench.compare.surface_stage import rigid
 from workbench.errors import InputError
 from workbench.geometry.grids import fuse
 from workbench.geometry.poses import rotation_from_quaternion

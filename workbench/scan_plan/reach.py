@@ -28,10 +28,10 @@ from workbench.robot import (
     within_limits,
 )
 from workbench.robot.bounds import FREE
-from workbench.robot.cell import ON_BASE, ON_CRADLE, ON_TURNTABLE, Shape
+from workbench.robot.cell_model import ON_BASE, ON_CRADLE, ON_TURNTABLE, Shape
 from workbench.robot.collision import body_of, outermost
 from workbench.robot.drawing import shape_triangles
-from workbench.robot.plate import scanned
+from workbench.robot.plate_stage import scanned
 from workbench.scan_plan.information import Joint
 from workbench.scan_plan.way import EdgeLine
 from workbench.units import Bool, Float, Shaped

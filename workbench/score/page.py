@@ -11,7 +11,7 @@ import numpy as np
 from workbench.marks import GREY, INK, TOLERANCE, Lettering
 from workbench.pieces import table_html
 from workbench.plot import Figure
-from workbench.report.html import policy
+from workbench.report.html_stage import policy
 from workbench.report.text import source
 from workbench.score.judge import points
 

@@ -1,8 +1,5 @@
 """Stages of the simulated cell, whose truth is known: `twin.part`, `twin.teach`, `twin.mill`, `twin.scan`."""
 
-from workbench.twin.mill import mill
-from workbench.twin.part import part
-from workbench.twin.scan import scan
-from workbench.twin.teach import teach
+import lazy_loader
 
-__all__ = ["mill", "part", "scan", "teach"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

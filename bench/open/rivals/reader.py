@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workbench.scan import read
-from workbench.scan.fuse import flange_poses
+from workbench.scan.fuse_stage import flange_poses
 from workbench.units import Float, Int
 
 SPLIT_SIGMAS, LEAST_SPLIT_MM = 6.0, 0.03  # a run is split where a point lies farther off its chord's line

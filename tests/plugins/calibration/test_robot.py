@@ -42,7 +42,7 @@ from workbench.plugins.calibration import robot as robot_stage
 from workbench.plugins.calibration import tracker as tracker_stage
 from workbench.plugins.calibration.model import Estimate, Noise, View
 from workbench.plugins.calibration.observations import from_arrays
-from workbench.plugins.calibration.robot import as_flange_errors, together
+from workbench.plugins.calibration.robot_stage import as_flange_errors, together
 from workbench.scan import read, read_hand_eye
 
 DATA = Path(__file__).parents[3] / "data" / "calibration"

@@ -12,7 +12,7 @@ import pytest
 from bench.loading_truth import loads_at
 from bench.loading_truth import noisy as with_noise
 from workbench.plugins import stiffness as stages
-from workbench.plugins.stiffness.simulate_loads import loads_csv, simulate_tests
+from workbench.plugins.stiffness.simulate_loads_stage import loads_csv, simulate_tests
 from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD, TABLE_A1_DEG, JointStiffness, LoadingTests
 from workbench.robot import Cell, abb_angles, read_cell
 from workbench.units import Float

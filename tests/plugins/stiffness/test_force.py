@@ -17,7 +17,7 @@ from workbench.api import (
 )
 from workbench.errors import InputError
 from workbench.plugins.stiffness import force
-from workbench.plugins.stiffness.force import PUBLISHED, STEPS, CuttingCoefficients, Teeth, milling_force
+from workbench.plugins.stiffness.force_stage import PUBLISHED, STEPS, CuttingCoefficients, Teeth, milling_force
 
 C = PUBLISHED["al7075_t6"]
 CUTTER = Cutter()

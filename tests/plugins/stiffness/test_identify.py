@@ -13,7 +13,7 @@ from workbench import Pipeline
 from workbench.api import rotation_from_vector
 from workbench.errors import InputError
 from workbench.plugins.stiffness import identify
-from workbench.plugins.stiffness.simulate_loads import loads_csv, simulate_tests
+from workbench.plugins.stiffness.simulate_loads_stage import loads_csv, simulate_tests
 from workbench.plugins.stiffness.values import LoadingTests
 from workbench.robot import Cell
 

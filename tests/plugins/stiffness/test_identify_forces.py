@@ -14,7 +14,7 @@ from workbench.errors import InputError
 from workbench.path import read as read_path
 from workbench.plugins.stiffness import force, identify_forces
 from workbench.plugins.stiffness.coefficients import NAMES, PUBLISHED, CuttingCoefficients, read_coefficients
-from workbench.plugins.stiffness.identify_forces import Cutting, mean_matrix
+from workbench.plugins.stiffness.identify_forces_stage import Cutting, mean_matrix
 from workbench.robot import read_cell
 
 ROOT = Path(__file__).parents[3]
@@ -100,7 +100,7 @@ def test_run_out_is_taken_out_of_partial_cuts(tmp_path: Path) -> None:
 def test_a_real_recording_is_read() -> None:
     if not REAL.exists():
         pytest.skip("no real recording here")
-    from workbench.plugins.stiffness.identify_forces import _recorded
+    from workbench.plugins.stiffness.identify_forces_stage import _recorded
 
     cut = Cutting(Cutter(diameter_mm=10.0, flutes=2, flute_length_mm=3.0), 3.0, (0.0, np.pi), 450.0, 6000.0)
     one = _recorded(REAL, read_forces(REAL), cut)

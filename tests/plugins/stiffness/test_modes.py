@@ -15,7 +15,7 @@ from workbench.plugins.stiffness import modes
 from workbench.plugins.stiffness.coefficients import CuttingCoefficients
 from workbench.plugins.stiffness.dynamics import _solid, bodies_of, mass_matrix
 from workbench.plugins.stiffness.margins import Cuts, screen_limits, u_of_modes
-from workbench.plugins.stiffness.modes import _Taps, at_posture, fitted, swings
+from workbench.plugins.stiffness.modes_stage import _Taps, at_posture, fitted, swings
 from workbench.plugins.stiffness.tap_tests import TapTests, read_tap_tests
 from workbench.plugins.stiffness.values import CuttingProcess
 from workbench.robot import Shape, forward_kinematics, read_cell

@@ -30,7 +30,7 @@ from workbench.robot import (
     turntable_pose,
     within_limits,
 )
-from workbench.robot.cell import ON_BASE, ON_TURNTABLE
+from workbench.robot.cell_model import ON_BASE, ON_TURNTABLE
 from workbench.units import Float
 
 from .conftest import ROOT, K

@@ -2,7 +2,6 @@
 
 import csv
 import dataclasses
-import importlib
 import io
 from collections.abc import Iterator
 
@@ -19,10 +18,10 @@ from workbench.plugins.stiffness.path_points import PathPoints
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
 from workbench.program import write
 from workbench.robot import Cell, Shape, forward_kinematics, turntable_pose
-from workbench.robot.cell import ON_BASE
 from workbench.robot.cell_file import ProbePart
+from workbench.robot.cell_model import ON_BASE
 from workbench.robot.process import drawn_back
-from workbench.twin.mill import read_deflections
+from workbench.twin.mill_stage import read_deflections
 
 from .test_posture import PATH, thinned
 
@@ -53,7 +52,7 @@ def made(request, cell, path, acts, stiffness):
 
     angles = {"cutter_rotation_deg": (70, 100), "turntable_deg": (-85, -65)}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(importlib.import_module("workbench.plugins.stiffness.posture"), "_ways", ways)
+        patch.setattr("workbench.plugins.stiffness.posture_stage._ways", ways)
         return posture(cell, stiffness, path, acts, whole_map=False, **angles)[0]
 
 

@@ -21,7 +21,7 @@ from workbench.api import (
     result_file,
     rpy_from_rotation,
 )
-from workbench.plugins.calibration.circles import fit_arc
+from workbench.plugins.calibration.circles_stage import fit_arc
 from workbench.plugins.calibration.model import Linear, Noise, View, place_u, view_of_points
 from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.solve import Answer

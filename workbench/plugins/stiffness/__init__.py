@@ -1,31 +1,5 @@
 """The robot's stiffness: its model, its identification, milling forces. Stages `stiffness.*`."""
 
-from workbench.plugins.stiffness.chatter import chatter
-from workbench.plugins.stiffness.compensate import compensate
-from workbench.plugins.stiffness.deflection import deflection
-from workbench.plugins.stiffness.force import force
-from workbench.plugins.stiffness.identify import identify
-from workbench.plugins.stiffness.identify_forces import identify_forces
-from workbench.plugins.stiffness.maps import maps
-from workbench.plugins.stiffness.modes import modes
-from workbench.plugins.stiffness.plan_loads import plan_loads
-from workbench.plugins.stiffness.posture import posture
-from workbench.plugins.stiffness.predict import predict
-from workbench.plugins.stiffness.read import read
-from workbench.plugins.stiffness.simulate_loads import simulate_loads
+import lazy_loader
 
-__all__ = [
-    "chatter",
-    "compensate",
-    "deflection",
-    "force",
-    "identify",
-    "identify_forces",
-    "maps",
-    "modes",
-    "plan_loads",
-    "posture",
-    "predict",
-    "read",
-    "simulate_loads",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

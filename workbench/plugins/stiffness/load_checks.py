@@ -29,7 +29,7 @@ from workbench.api import (
 )
 from workbench.plugins.stiffness.beyond_springs import LackOfFit
 from workbench.plugins.stiffness.equations import SURE, Equations, Loading, equations, reason, unobserved
-from workbench.plugins.stiffness.read import WRENCH
+from workbench.plugins.stiffness.read_stage import WRENCH
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests
 
 MISFIT = 3.0  # ratio of the residuals' variance to the noise's that asks for a reason, and that a reason must mend

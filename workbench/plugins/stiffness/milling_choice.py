@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench.api import COVERAGE, DEG, Cell, Float, Int, Shaped, Toolpath
 from workbench.plugins.stiffness.elastic import MM
-from workbench.plugins.stiffness.force import mean_matrices
+from workbench.plugins.stiffness.force_stage import mean_matrices
 from workbench.plugins.stiffness.margins import Cuts, is_stable
 from workbench.plugins.stiffness.stability import Dynamics
 

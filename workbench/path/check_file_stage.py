@@ -12,7 +12,7 @@ from pydantic import Field
 
 from workbench.artefacts import PathGate, Toolpath
 from workbench.geometry.distances import line_distances
-from workbench.path.check import (
+from workbench.path.check_stage import (
     HEIGHT_MM,
     PENETRATION_MM,
     cutter_faults,
@@ -21,8 +21,8 @@ from workbench.path.check import (
     insane,
     weakened,
 )
-from workbench.path.feed import face_lines, moves_in_order
-from workbench.path.read import PLACE_UNSAID
+from workbench.path.feed_stage import face_lines, moves_in_order
+from workbench.path.read_stage import PLACE_UNSAID
 from workbench.stage import stage
 
 ALONE = "the workpiece. Its file records no check against a scan; the path was compared with its own final layer"

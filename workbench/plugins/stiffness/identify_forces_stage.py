@@ -32,7 +32,7 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.stiffness.coefficients import NAMES, CuttingCoefficients
-from workbench.plugins.stiffness.force import Teeth, mean_matrices, milling_force
+from workbench.plugins.stiffness.force_stage import Teeth, mean_matrices, milling_force
 from workbench.plugins.stiffness.tap_tests import unit_vector
 
 LEAST_TURNS = 20

@@ -31,7 +31,7 @@ from workbench.edge.parameters import (
 )
 from workbench.edge.residual_image import declared_linearity
 from workbench.edge.root_end import BLUNTED
-from workbench.edge.segment import laser_plane_u
+from workbench.edge.segment_stage import laser_plane_u
 from workbench.edge.unseen import by_window, fixed_end_check
 from workbench.errors import InputError
 from workbench.geometry.curves import Curve, covered, turn_by_robot

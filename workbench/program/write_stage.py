@@ -27,7 +27,7 @@ from workbench.program.rapid import Rapid
 from workbench.program.trajectory import Trajectory
 from workbench.program.urscript import UrScript
 from workbench.program.words import free_name, program_name
-from workbench.robot.cell import Cell
+from workbench.robot.cell_model import Cell
 from workbench.robot.collision import sliding
 from workbench.robot.makers import Make
 from workbench.robot.process import NO_PROCESS, not_seen

@@ -14,7 +14,7 @@ from workbench.artefacts import Cloud, PointSet, Toolpath
 from workbench.errors import InputError
 from workbench.geometry.grids import fuse
 from workbench.geometry.poses import inverse
-from workbench.robot.cell import ON_BASE, ON_TURNTABLE, Cell, Shape, named_file
+from workbench.robot.cell_model import ON_BASE, ON_TURNTABLE, Cell, Shape, named_file
 from workbench.robot.collision import external_at, sliding, turntable_pose
 from workbench.stage import InputFile, stage
 from workbench.units import AnyArray, Float

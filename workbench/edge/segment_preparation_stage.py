@@ -53,7 +53,7 @@ from workbench.edge.prepared_frames import (
     straight_corners,
 )
 from workbench.edge.residual_image import FaceForm, Linearity, declared_linearity, face_image, forms
-from workbench.edge.segment import Declared, either_piece_u, milled_edge
+from workbench.edge.segment_stage import Declared, either_piece_u, milled_edge
 from workbench.edge.unseen import by_window, root_end_check
 from workbench.errors import InputError
 from workbench.geometry.blocks import evenly

@@ -40,12 +40,12 @@ from workbench.edge.parameters import (
     RootNominal,
     usual_noise_mm,
 )
-from workbench.edge.segment import segment
 from workbench.edge.segment_cloud_direction import edge_direction
 from workbench.edge.segment_cloud_grid import organised, recovered_grid
 from workbench.edge.segment_cloud_passes import passes_shown
 from workbench.edge.segment_cloud_sheets import LEAST_SLICES, check_one_sheet
-from workbench.edge.segment_raw import segment_raw
+from workbench.edge.segment_raw_stage import segment_raw
+from workbench.edge.segment_stage import segment
 from workbench.edge.unseen import BY_THICKNESS, BY_WINDOW
 from workbench.errors import InputError
 from workbench.geometry.blocks import evenly

@@ -11,18 +11,6 @@ import numpy as np
 from workbench.errors import InputError, PipelineError, nearest
 from workbench.geometry.poses import RIGID, inverse, pose_from
 from workbench.parameters import check_parameters
-from workbench.robot.cell import (
-    ON_BASE,
-    ON_CRADLE,
-    ON_TURNTABLE,
-    Cell,
-    LoadingSetup,
-    Margins,
-    Shape,
-    Turntable,
-    read_mesh,
-    spindle_warning,
-)
 from workbench.robot.cell_file import (
     AxisPart,
     CellPart,
@@ -39,10 +27,22 @@ from workbench.robot.cell_file import (
     matrix_of,
     stated,
 )
+from workbench.robot.cell_model import (
+    ON_BASE,
+    ON_CRADLE,
+    ON_TURNTABLE,
+    Cell,
+    LoadingSetup,
+    Margins,
+    Shape,
+    Turntable,
+    read_mesh,
+    spindle_warning,
+)
 from workbench.robot.collision import CollisionModel, left_out
 from workbench.robot.judge import JudgedCell
 from workbench.robot.kinematics import Chain
-from workbench.robot.plate import check_size, read_workpiece, scanned
+from workbench.robot.plate_stage import check_size, read_workpiece, scanned
 from workbench.robot.plausible import bare_mm, check_plausible
 from workbench.robot.process import NO_PROCESS
 from workbench.robot.urdf import disabled_pairs, read_urdf, track_joint

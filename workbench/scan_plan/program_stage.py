@@ -19,7 +19,7 @@ from workbench.robot import Cell, forward_kinematics, sliding
 from workbench.robot.cell_file import ProcessPart, Signal, SpindlePart
 from workbench.robot.collision import outermost
 from workbench.robot.makers import MAKERS, Make
-from workbench.scan_plan.plan import ScanPass, ScanPlan
+from workbench.scan_plan.plan_stage import ScanPass, ScanPlan
 from workbench.scan_plan.reach import BODY, Examiner
 from workbench.stage import stage
 from workbench.units import DEG

@@ -20,7 +20,7 @@ from workbench.api import (
 )
 from workbench.plugins.csv_table import csv_bytes
 from workbench.plugins.stiffness.equations import displaced, row_noise
-from workbench.plugins.stiffness.read import ANGLES, WRENCH
+from workbench.plugins.stiffness.read_stage import ANGLES, WRENCH
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests, LoadPlan
 
 

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from workbench.artefacts import Document, PointSet, frozen
 from workbench.children import in_one_thread
-from workbench.cloud.read import in_process, unit_stated
+from workbench.cloud.read_stage import in_process, unit_stated
 from workbench.cloud.units import MM, Unit
 from workbench.errors import InputError
 from workbench.geometry.coarse import coarse_registration, fine_registration

@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.artefacts import ProgramMove, ProgramMoves, ProgramTool
 from workbench.geometry.poses import inverse
-from workbench.robot.cell import Cell
+from workbench.robot.cell_model import Cell
 from workbench.robot.collision import base_from_targets
 from workbench.robot.judge import follows, judge
 from workbench.robot.kinematics import forward_kinematics

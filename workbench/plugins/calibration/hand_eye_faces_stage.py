@@ -22,7 +22,7 @@ from workbench.api import (
     refuse_unsound,
     stage,
 )
-from workbench.plugins.calibration.circles import HARMLESS
+from workbench.plugins.calibration.circles_stage import HARMLESS
 from workbench.plugins.calibration.determinacy import Demand, check_postures, directions
 from workbench.plugins.calibration.fixed_faces import At, Part, part_of
 from workbench.plugins.calibration.model import Noise, View, view_of_points, volume_u

@@ -29,7 +29,7 @@ from workbench.plugins.csv_table import csv_bytes
 from workbench.plugins.stiffness.beyond_springs import promised
 from workbench.plugins.stiffness.elastic import wrench_at
 from workbench.plugins.stiffness.equations import covariances, equations
-from workbench.plugins.stiffness.read import ANGLES, WRENCH
+from workbench.plugins.stiffness.read_stage import ANGLES, WRENCH
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests, LoadPlan, Six, moved_columns
 
 # Postures and loads that a loading test could use, and what each would tell.

@@ -22,7 +22,7 @@ from workbench.api import (
 from workbench.plugins.calibration.determinacy import MIN_POSTURES
 from workbench.plugins.calibration.model import Estimate, Noise, Sphere, by_circle, linearise
 from workbench.plugins.calibration.observations import Observations
-from workbench.plugins.calibration.plan import estimate_of, seen_again
+from workbench.plugins.calibration.plan_stage import estimate_of, seen_again
 from workbench.plugins.calibration.scanned import start_center
 from workbench.plugins.calibration.values import Calibration, SphereProfiles, Validation
 

@@ -16,7 +16,7 @@ from workbench.artefacts.evidence import UNSEEN
 from workbench.compare.deviation_chapter import deviation_chapter
 from workbench.compare.local_planes import Surfels, heights, on_mesh, surfels
 from workbench.compare.statistics import Summary, median, path_error_u, summarise
-from workbench.compare.surface import Deviations, Registration, Surface
+from workbench.compare.surface_stage import Deviations, Registration, Surface
 from workbench.errors import InputError
 from workbench.geometry.poses import mapped
 from workbench.result_files import result_file

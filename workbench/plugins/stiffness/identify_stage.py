@@ -44,7 +44,7 @@ from workbench.plugins.stiffness.load_checks import (
     explain,
     rounded,
 )
-from workbench.plugins.stiffness.read import read_loads, stiffness_document
+from workbench.plugins.stiffness.read_stage import read_loads, stiffness_document
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests
 
 MANY = 0.1  # share of what was seen: where more contradicts the rest, it is no gross error here and there

@@ -22,7 +22,7 @@ from workbench.api import (
 )
 from workbench.plugins.stiffness.margins import Cuts, cuts_of, judged_limits, screen_limits, u_of_modes
 from workbench.plugins.stiffness.milling_choice import Bounds, Chosen, choose, speeds
-from workbench.plugins.stiffness.predict import base_from_point
+from workbench.plugins.stiffness.predict_stage import base_from_point
 from workbench.plugins.stiffness.stability import Dynamics
 from workbench.plugins.stiffness.values import CuttingProcess, MillingForce, PathStability, RobotModes
 

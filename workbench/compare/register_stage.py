@@ -17,7 +17,7 @@ from pydantic import Field
 from workbench.artefacts import Document
 from workbench.children import in_one_thread
 from workbench.compare.local_planes import Surfels, Target, surfels, target_of
-from workbench.compare.surface import Registration, Surface, rigid
+from workbench.compare.surface_stage import Registration, Surface, rigid
 from workbench.errors import InputError
 from workbench.geometry.coarse import coarse_registration, fine_registration
 from workbench.geometry.medians import robust_sd

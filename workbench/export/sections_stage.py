@@ -21,7 +21,7 @@ from workbench.artefacts import (
     JointInspection,
     Section,
 )
-from workbench.export.cloud import PointTable, point_table
+from workbench.export.cloud_stage import PointTable, point_table
 from workbench.extras import Extra
 from workbench.stage import stage
 from workbench.units import DEG, Float, Int, Shaped

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from workbench.artefacts import Cloud, Edge, Inspection, MilledEdge, Rework, Stretch, Toolpath
 from workbench.errors import InputError
-from workbench.path.check import check
+from workbench.path.check_stage import check
 from workbench.path.course import (
     Bevel,
     Course,
@@ -23,7 +23,7 @@ from workbench.path.course import (
     stocked_course,
     with_thickness,
 )
-from workbench.path.feed import feed
+from workbench.path.feed_stage import feed
 from workbench.path.obstacles import LEAST_CUT_MM, Lift
 from workbench.path.plan import (
     Air,

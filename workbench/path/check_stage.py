@@ -37,7 +37,7 @@ from workbench.path.course import (
     poses_of,
     stocked_course,
 )
-from workbench.path.feed import from_edge, moves_in_order, standing
+from workbench.path.feed_stage import from_edge, moves_in_order, standing
 from workbench.path.obstacles import find_foreign, sections_of
 from workbench.path.place import Points, place_of
 from workbench.path.plan import KEY_POINT_MM

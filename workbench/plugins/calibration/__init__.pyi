@@ -1,0 +1,10 @@
+from .circles_stage import circles as circles
+from .hand_eye_faces_stage import hand_eye_faces as hand_eye_faces
+from .hand_eye_stage import hand_eye as hand_eye
+from .plan_stage import plan as plan
+from .report_stage import report as report
+from .robot_stage import robot as robot
+from .tcp_stage import tcp as tcp
+from .tracker_stage import tracker as tracker
+from .turntable_stage import turntable as turntable
+from .validate_stage import validate as validate

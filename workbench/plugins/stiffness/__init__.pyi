@@ -1,0 +1,13 @@
+from .chatter_stage import chatter as chatter
+from .compensate_stage import compensate as compensate
+from .deflection_stage import deflection as deflection
+from .force_stage import force as force
+from .identify_forces_stage import identify_forces as identify_forces
+from .identify_stage import identify as identify
+from .maps_stage import maps as maps
+from .modes_stage import modes as modes
+from .plan_loads_stage import plan_loads as plan_loads
+from .posture_stage import posture as posture
+from .predict_stage import predict as predict
+from .read_stage import read as read
+from .simulate_loads_stage import simulate_loads as simulate_loads

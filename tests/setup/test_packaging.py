@@ -31,6 +31,7 @@ def locked(name):
 USER, DEV = locked("requirements.lock"), locked("requirements-dev.lock")
 MODULE_OF = {
     "scikit-image": "skimage",
+    "lazy-loader": "lazy_loader",
     "open3d-cpu": "open3d",
     "pillow": "PIL",
     "pin": "pinocchio",

@@ -135,7 +135,7 @@ TARGETS = (
     Target("toolpath", reads("workbench.path:read", "toolpath"), ()),
     Target("hand_eye", reads("workbench.scan.checks:read_hand_eye"), ()),
     Target("stiffness", reads("workbench.plugins.stiffness:read", "stiffness"), ()),
-    Target("loads", reads("workbench.plugins.stiffness.read:read_loads"), ("data/synthetic/loads.csv",), 0.3),
+    Target("loads", reads("workbench.plugins.stiffness.read_stage:read_loads"), ("data/synthetic/loads.csv",), 0.3),
     Target("identify", _identify, ("data/synthetic/loads.csv",), 0.02),
     Target("deflections", _deflections, ()),
     Target("recording", reads("workbench.scan:read", "recording"), (), 0.02),

@@ -32,8 +32,6 @@ from workbench.strict_json import plain
 from workbench.user_folder import package_digest
 
 PART_FILE = BatchPartFile.NAME
-FORMAT = "bevel-part"
-VERSION = 1
 
 Outcome = Literal["passed", "rejected", "failed", "hung", "crashed"]
 OUTCOMES: tuple[Outcome, ...] = ("crashed", "hung", "failed", "rejected", "passed")  # worst first
@@ -66,7 +64,7 @@ class Record:
 
     def content(self) -> bytes:
         """`part.json`."""
-        return BatchPartFile.written({"format": FORMAT, "version": VERSION, **{n: getattr(self, n) for n in KEPT}})
+        return BatchPartFile.written({name: getattr(self, name) for name in KEPT})
 
     @classmethod
     def read(cls, content: bytes | None) -> Record | None:

@@ -437,6 +437,8 @@ class StiffnessFile(PartFile):
     """`stiffness.json`: joint stiffness of a robot, which `part` names."""
 
     NAME: ClassVar[str] = "stiffness.json"
+    format: Literal["joint-stiffness"] = "joint-stiffness"
+    version: Literal[1] = 1
     joint_stiffness_nm_per_rad: tuple[Positive, Positive, Positive, Positive, Positive, Positive]
     covariance: Covariance6
     condition_number: Unknown = None
@@ -472,6 +474,8 @@ class PostureFile(PartFile):
     """`posture.json`: postures of every point of a path."""
 
     NAME: ClassVar[str] = "posture.json"
+    format: Literal["posture"] = "posture"
+    version: Literal[1] = 1
     part: Part
     points: list[PosturePoint]
     map: PostureMap

@@ -370,8 +370,6 @@ def posture_document(found: Found) -> Document:
     return result_file(
         "posture.json",
         {
-            "format": "posture",
-            "version": 1,
             "part": asdict(made.toolpath.part),
             **_measured(found, found.cost.mean()),
             "constant": {

@@ -80,8 +80,6 @@ def stiffness_document(stiffness: JointStiffness, **more: Any) -> Document:
     return result_file(
         "stiffness.json",
         {
-            "format": "joint-stiffness",
-            "version": 1,
             "joint_stiffness_nm_per_rad": stiffness.nm_per_rad,
             "covariance": stiffness.covariance,
             "standard_uncertainty_nm_per_rad": stiffness.u_nm_per_rad,

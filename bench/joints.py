@@ -138,24 +138,28 @@ def measure(task: tuple[str, int]) -> dict[str, Any]:
 
 
 def report(rows: Sequence[Mapping[str, Any]], _: Any) -> Iterator[str]:
-    """By condition how many end how, and the shares of their values; the first cause of each outcome."""
-    table, causes = [], []
-    for name in dict.fromkeys(row["condition"] for row in rows):
-        of = [row for row in rows if row["condition"] == name]
-        ended = {outcome: [row for row in of if outcome in row] for outcome in ("right", *OUTCOMES)}
-        z = np.concatenate([row.get("z", []) for row in of])
-        shares = [f"{100 * np.mean(inside):.1f}" if len(z) else "" for inside in (z <= 2.0, z > FAR)]
-        table.append([name, *(str(len(x)) for x in (of, *ended.values(), z)), *shares])
-        causes += [
-            [name, outcome, str(len(ended[outcome])), str(ended[outcome][0]["seed"]), ended[outcome][0][outcome]]
-            for outcome in OUTCOMES
-            if ended[outcome]
-        ]
-    head = ["condition", "parts", "right", *OUTCOMES, "values", "within 2 u, %", f"beyond {FAR:g} u, %"]
-    yield from ("### Joints", "", *markdown(head, table), "")
-    if causes:
-        yield from ("### First causes", "")
-        yield from markdown(["condition", "outcome", "parts", "first seed", "its cause"], causes)
+    """How many of each simulator and condition end how, and the shares of their values; the first cause of each end."""
+    head = ["parts", "right", *OUTCOMES, "values", "within 2 u, %", f"beyond {FAR:g} u, %"]
+    conditions = {name: [row for row in rows if row["condition"] == name] for name in CONDITIONS}
+    simulators = {name: [row for row in rows if row["condition"].startswith(f"{name}_")] for name in JOINTS}
+    causes = [
+        [name, outcome, str(len(such)), str(such[0]["seed"]), such[0][outcome]]
+        for name, of in conditions.items()
+        for outcome in OUTCOMES
+        if (such := [row for row in of if outcome in row])
+    ]
+    for heading, groups in (("simulator", simulators), ("condition", conditions)):
+        yield from (f"### Joints by {heading}", "")
+        yield from (*markdown([heading, *head], [[name, *_ended(of)] for name, of in groups.items() if of]), "")
+    yield from ("### First causes", "", *markdown(["condition", "outcome", "parts", "first seed", "its cause"], causes))
+
+
+def _ended(of: Sequence[Mapping[str, Any]]) -> list[str]:
+    """How many of these parts end how, and the shares of their values."""
+    ended = [sum(outcome in row for row in of) for outcome in ("right", *OUTCOMES)]
+    z = np.concatenate([[], *(row.get("z", []) for row in of)])
+    shares = [f"{100 * np.mean(inside):.1f}" if z.size else "" for inside in (z <= 2.0, z > FAR)]
+    return [*map(str, (len(of), *ended, z.size)), *shares]
 
 
 def _as_read(exact: dict[str, Float], kind: str, found: str) -> dict[str, Float]:
@@ -189,7 +193,7 @@ STUDY = Study(
     report,
     "grooves.md",
     "joints",
-    folded,
+    partial(folded, largest=10 * len(JOINTS)),
 )
 if __name__ == "__main__":
     STUDY()

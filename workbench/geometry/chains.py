@@ -156,7 +156,8 @@ def _near_line(x: Float32, z: Float32, on: Int, off: Float, count: int) -> int:
         else:
             on[kept] = on[k]
             kept += 1
-    on[kept:count] = stray[: count - kept]
+    for k in range(kept, count):  # a slice takes two seconds to compile
+        on[k] = stray[k - kept]
     return kept
 
 

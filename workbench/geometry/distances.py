@@ -173,19 +173,26 @@ def _parents(shape: Int, spheres: Float, block_stands: AnyArray) -> None:
 
 
 @kernel
+def _put(ball: Float, other: Float) -> None:
+    """Component by component: a slice takes two seconds to compile."""
+    for i in range(ball.size):
+        ball[i] = other[i]
+
+
+@kernel
 def _enclose(ball: Float, other: Float) -> None:
     """Make `ball` the least sphere around itself and `other`."""
     if other[3] < 0.0:
         return
     if ball[3] < 0.0:
-        ball[:] = other
+        _put(ball, other)
         return
     d0, d1, d2 = other[0] - ball[0], other[1] - ball[1], other[2] - ball[2]
     apart = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
     if apart + other[3] <= ball[3]:
         return
     if apart + ball[3] <= other[3]:
-        ball[:] = other
+        _put(ball, other)
         return
     radius = 0.5 * (apart + ball[3] + other[3])
     share = (radius - ball[3]) / apart

@@ -431,7 +431,8 @@ def _follow(branches: AnyArray, start: AnyArray) -> AnyArray:
     for n in range(len(branches)):
         _choose(branches[n], at, found[n])
         if not np.isnan(found[n, 0]):
-            at[:] = found[n]
+            for i in range(6):  # a slice takes two seconds to compile
+                at[i] = found[n, i]
     return found
 
 
@@ -456,7 +457,8 @@ def _choose(branches: AnyArray, wanted: AnyArray, found: AnyArray) -> None:
             far = max(far, abs(one[i] - wanted[i]))
         if far < best:
             best = far
-            found[:] = one
+            for i in range(6):
+                found[i] = one[i]
 
 
 def flange_among_targets(cell: Cell) -> ToFlange:

@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -191,6 +192,24 @@ def test_damaged_ones_are_compiled_anew(room: Path) -> None:
     for path in kept(room):
         path.write_bytes(path.read_bytes()[:20])
     assert use(room) == "5.0 2.0 0 5.0"
+
+
+def test_of_two_processes_at_once_one_compiles(room: Path) -> None:
+    for path in kept(room):
+        path.unlink()
+    code = """
+import time
+from workbench.kernels import Kept
+save = Kept.save_overload
+def late(*arguments):
+    time.sleep(1.0)
+    save(*arguments)
+Kept.save_overload = late
+from room.outer import other
+print(other(1.0), sum(other.stats.cache_misses.values()))
+"""
+    with ThreadPoolExecutor(2) as pool:
+        assert sorted(pool.map(lambda _: use(room, code), range(2))) == ["2.0 0", "2.0 1"]
 
 
 def test_nowhere_to_keep_them_is_no_reason_not_to_run(room: Path) -> None:

@@ -26,7 +26,7 @@ from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, TypeAlias, TypeVar, overload
 
-from workbench.user_folder import folder, forget, keep
+from workbench.user_folder import end_turn, folder, forget, keep, take_turn
 
 DIGEST = hashlib.sha256
 SHIPPED = Path(__file__).parent / "shipped" / "kernels"  # in a wheel of `make wheel`
@@ -139,7 +139,9 @@ class Kept:
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """The kernel for these types, or None: nothing kept, or damaged."""
-        found = self._load(signature, target)
+        found, name = self._load(signature, target), self._file(signature, target.codegen().magic_tuple())
+        if found is None and take_turn(name) and (found := self._load(signature, target)) is not None:
+            end_turn(name)  # another process has just made it
         if found is None:
             for tell in [*_watching]:
                 tell()
@@ -166,13 +168,13 @@ class Kept:
         """Keep what was compiled; a folder that has become full or read-only costs the next process time, no more."""
         from numba.core.serialize import dumps
 
-        where = folder().path
-        if where is None or result.lifted or result.library.has_dynamic_globals:
-            return
-        # Without the environments of functions that it calls: loading those imports the modules that define them.
-        data = dumps((*result._replace(type_annotation="")._reduce()[:-1], ()))  # type: ignore[no-untyped-call]
-        keep(where / self._file(signature, result.codegen.magic_tuple()), DIGEST(data).digest() + data)
-        forget(f"{self.name}-*.kernel")
+        where, name = folder().path, self._file(signature, result.codegen.magic_tuple())
+        if where and not (result.lifted or result.library.has_dynamic_globals):
+            # Without the environments of functions that it calls: loading those imports the modules that define them.
+            data = dumps((*result._replace(type_annotation="")._reduce()[:-1], ()))  # type: ignore[no-untyped-call]
+            keep(where / name, DIGEST(data).digest() + data)
+            forget(f"{self.name}-*.kernel")
+        end_turn(name)
 
     def _places(self, signature: Any, processor: tuple[str, str, str]) -> Iterator[Path]:
         """Where the kernel may be, the form for this very processor first."""

@@ -15,7 +15,11 @@ import time
 from importlib.util import find_spec
 from pathlib import Path
 
+with contextlib.suppress(ImportError):  # not everywhere
+    import fcntl
+
 KEPT_DAYS = 60  # after which what nobody has made again goes
+LONGEST_S = 60.0  # that another process is waited for
 
 
 class UserFolder:
@@ -78,6 +82,40 @@ def keep(path: Path, *parts: bytes | memoryview) -> None:
             os.replace(written, path)
         except OSError:
             os.unlink(written)
+
+
+@functools.cache
+def _turns() -> int:
+    """A file of which a byte stands for whatever is being made; OSError: there is none."""
+    place = folder().path
+    if place is None:
+        raise FileNotFoundError
+    return os.open(place / "turns", os.O_RDWR | os.O_CREAT, 0o600)
+
+
+def take_turn(name: str) -> bool:
+    """Whether it is this process's to make `name`, until `end_turn` or its own end: what another makes is waited for.
+
+    False where that takes too long, or files cannot be locked: then both make it.
+    """
+    until = time.monotonic() + LONGEST_S
+    with contextlib.suppress(OSError, NameError):
+        while time.monotonic() < until:
+            with contextlib.suppress(BlockingIOError):
+                fcntl.lockf(_turns(), fcntl.LOCK_EX | fcntl.LOCK_NB, 1, _byte(name))
+                return True
+            time.sleep(0.02)
+    return False
+
+
+def end_turn(name: str) -> None:
+    """The next may make `name`."""
+    with contextlib.suppress(OSError, NameError):
+        fcntl.lockf(_turns(), fcntl.LOCK_UN, 1, _byte(name))
+
+
+def _byte(name: str) -> int:
+    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:6], "big")
 
 
 def forget(pattern: str, where: Path | None = None, days: int = KEPT_DAYS) -> None:

@@ -14,7 +14,7 @@ from workbench.units import DEG
 
 TITLE = "workbench"
 TRACKS = ("milled", "raw", "groove", "hand_eye")
-STATIONS = 5  # every so many stations of a raw edge are told
+STATIONS = 5  # one in so many stations of a raw edge is told, the same from either end
 
 
 def measure(recording: Path, declared: Mapping[str, Any]) -> dict[str, Any]:
@@ -50,10 +50,10 @@ def placed(section: Any) -> dict[str, Any]:
 
 
 def raw_sections(raw: Any) -> list[dict[str, Any]]:
-    """Every fifth station that was measured, and the last one."""
+    """Some of the stations that were measured, the first and the last one too."""
     assert raw.position_u_mm is not None
     at = np.flatnonzero(raw.seen & np.isfinite(raw.position_mm[:, 0]))
-    at = np.unique(np.append(at[::STATIONS], at[-1:]))
+    at = at[np.linspace(0, at.size - 1, at.size // STATIONS + 1).round().astype(int)]
     columns = {
         "origin_mm": raw.position_mm,
         "normal": raw.normal,

@@ -1,13 +1,15 @@
 """Do the tests tell errors in the code: `python -m bench.mutation --count 64 --seed 1`.
 
 Mutants are drawn at random: a file of a room, by its length, and one of the changes that are possible in it. Each is
-put into a copy of the sources, on which the tests of its room are run, those of its own file first. A mutant that
-survives is an error that no test tells, unless it changes nothing that counts.
+put into a copy of the sources, on which the tests of its room are run, then those that name the room or a stage of it,
+the laws and the contracts. A mutant that survives is an error that no test tells, unless it changes nothing that
+counts.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,23 +21,23 @@ from bench.harness import Option, Study
 from bench.mutation.changes import changes
 from bench.mutation.mutant import ROOT, fails
 
-TESTS = {
-    "workbench/edge": ["tests/edge", "tests/laws", "tests/inspect"],
-    "workbench/geometry": ["tests/geometry", "tests/laws", "tests/edge"],
-    "workbench/checks": ["tests/checks", "tests/laws", "tests/acceptance/test_refusals.py"],
-    "workbench/inspect": ["tests/inspect", "tests/laws"],
-    "workbench/path": ["tests/path"],
-    "workbench/program": ["tests/program", "tests/robot/test_judge.py"],
-    "workbench/robot": ["tests/robot", "tests/program"],
-    "workbench/plugins/calibration": ["tests/plugins/calibration"],
-    "workbench/plugins/stiffness": ["tests/plugins/stiffness"],
-    "workbench/pipeline": ["tests/pipeline", "tests/test_storage.py", "tests/test_cli.py"],
-    "workbench/report": ["tests/report"],
-    "workbench/compare": ["tests/compare"],
-    "workbench/export": ["tests/export"],
-    "workbench/batch": ["tests/batch"],
-}
-DEFAULTS = "tests/laws/test_defaults.py"  # of the stages of every room
+ROOMS = (
+    "workbench/edge",
+    "workbench/geometry",
+    "workbench/checks",
+    "workbench/inspect",
+    "workbench/path",
+    "workbench/program",
+    "workbench/robot",
+    "workbench/plugins/calibration",
+    "workbench/plugins/stiffness",
+    "workbench/pipeline",
+    "workbench/report",
+    "workbench/compare",
+    "workbench/export",
+    "workbench/batch",
+)
+LAST = ["tests/laws", "tests/contracts"]  # of what every room makes
 
 
 class Mutant(NamedTuple):
@@ -49,10 +51,16 @@ class Mutant(NamedTuple):
 
     @property
     def tests(self) -> list[str]:
-        """The tests of its room, those of its file first."""
-        every = [*TESTS[next(one for one in TESTS if self.path.is_relative_to(one))], DEFAULTS]
-        own = Path(every[0], f"test_{self.path.stem}.py")
-        return [str(own)] * (ROOT / own).is_file() + every
+        """The tests of its room, those that name it, and the laws."""
+        room = next(one for one in ROOMS if self.path.is_relative_to(one))
+        return [room.replace("workbench", "tests"), *naming(room), *LAST]
+
+
+def naming(room: str) -> list[str]:
+    """Files of tests that name the room's modules or a stage of it."""
+    name = re.compile(rf'{room.replace("/", "[.]")}\b|"{Path(room).name}[.]\w')
+    files = sorted((ROOT / "tests").rglob("test_*.py"))
+    return [str(one.relative_to(ROOT)) for one in files if name.search(one.read_text("utf-8"))]
 
 
 def drawn(room: str, rng: np.random.Generator) -> Mutant:
@@ -75,7 +83,7 @@ def drawn(room: str, rng: np.random.Generator) -> Mutant:
 def tried(task: tuple[int, str, int]) -> dict[str, Any]:
     """A mutant, and whether a test tells it."""
     seed, room, trial = task
-    mutant = drawn(room, np.random.default_rng([seed, trial, list(TESTS).index(room)]))
+    mutant = drawn(room, np.random.default_rng([seed, trial, ROOMS.index(room)]))
     started = time.monotonic()
     os.nice(max(0, 10 - os.nice(0)))  # of a nicer process it stays
     return {
@@ -91,7 +99,7 @@ def tried(task: tuple[int, str, int]) -> dict[str, Any]:
 def table(rows: list[dict[str, Any]], _: Any) -> Iterator[str]:
     """Killed by room, and each survivor."""
     yield "| room | mutants | killed |\n| --- | --- | --- |"
-    for room in TESTS:
+    for room in ROOMS:
         own = [row["killed"] for row in rows if row["room"] == room]
         if own:
             yield f"| {room} | {len(own)} | {sum(own)} |"
@@ -107,7 +115,7 @@ STUDY = Study(
     {
         "count": Option(64, "mutants, the same number of each room"),
         "seed": Option(1),
-        "rooms": Option(tuple(TESTS), choices=TESTS),
+        "rooms": Option(ROOMS, choices=ROOMS),
     },
     lambda given: [(given.seed, given.rooms[k % len(given.rooms)], k // len(given.rooms)) for k in range(given.count)],
     tried,

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.mutation.__main__ import DEFAULTS, TESTS, drawn
+from bench.mutation.__main__ import LAST, ROOMS, drawn, naming
 from bench.mutation.changes import changes
 from bench.mutation.mutant import ROOT, fails
 
@@ -33,21 +33,16 @@ def test_the_format_of_a_truth() -> None:
     assert prism_scan.STATION_MM == 0.25
 
 
-def test_every_room_has_its_tests() -> None:
-    for room, tests in TESTS.items():
-        assert list((ROOT / room).rglob("*.py"))
-        assert all((ROOT / one).exists() for one in tests)
-
-
 def test_what_is_drawn_is_another_program() -> None:
     rng = np.random.default_rng(5)
-    for room in TESTS:
+    for room in ROOMS:
         one = drawn(room, rng)
         before = (ROOT / one.path).read_text(encoding="utf-8")
         assert ast.dump(ast.parse(one.source)) != ast.dump(ast.parse(before))
         assert before.splitlines()[one.number - 1] == one.was != one.line
-        assert one.tests[-len(TESTS[room]) - 1 :] == [*TESTS[room], DEFAULTS]
+        assert one.tests[-2:] == LAST
         assert all((ROOT / test).exists() for test in one.tests)
+        assert all(any(Path(own).is_relative_to(test) for test in one.tests) for own in naming(room))
 
 
 def test_changes_are_those_of_what_runs() -> None:

@@ -172,18 +172,25 @@ def from_qif(inspection: JointInspection) -> Found:
         yield names[symbol], int(section), Row(*pair, limits, status.get(told))
 
 
-def from_qdas(inspection: JointInspection) -> Found:
-    described, values = (one.content.decode("cp1252") for one in qdas(inspection))
+def parse(dfd: bytes, dfx: bytes) -> tuple[dict[str, str], list[dict[str, str]], list[list[list[str]]]]:
+    """Q-DAS AQDEF: fields of the part, of each characteristic, and each one's value, attribute, time a record."""
+    part: dict[str, str] = {}
     rows: dict[int, dict[str, str]] = {}
-    for line in described.split("\r\n"):
+    for line in filter(None, dfd.decode("cp1252").split("\r\n")):
         key, _, text = line.partition(" ")
         field, slash, number = key.partition("/")
-        if slash:
-            rows.setdefault(int(number), {})[field] = text
+        assert (len(field), field[0]) == (5, "K")
+        (rows.setdefault(int(number), {}) if slash else part)[field] = text
+    assert [*rows] == [*range(1, int(part["K0100"]) + 1)]
+    lines = filter(None, dfx.decode("cp1252").split("\r\n"))
+    return part, [*rows.values()], [[one.split(chr(20)) for one in line.split(chr(15))] for line in lines]
+
+
+def from_qdas(inspection: JointInspection) -> Found:
+    _, rows, (record,) = parse(*(one.content for one in qdas(inspection)))
     names = {one.symbol: one.name for one in inspection.characteristics}
-    for row, cell in zip(rows.values(), values.strip().split(chr(15)), strict=True):
+    for row, (value, flag, _) in zip(rows, record, strict=True):
         symbol, _, section = row["K2001"].rpartition("-")
-        value, flag, _ = cell.split(chr(20))
         limits = (float(row["K2110"]), float(row["K2111"])) if "K2110" in row else None
         told = flag == "0"
         u = float(row["K2900"].split()[2]) / 2 if told else None

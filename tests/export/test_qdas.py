@@ -1,4 +1,4 @@
-"""Q-DAS AQDEF, read back by a parser that knows nothing of the writer: what stands beside the values (test_laws.py)."""
+"""Q-DAS AQDEF: what stands beside the values (which test_laws.py reads back)."""
 
 from __future__ import annotations
 
@@ -6,29 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from workbench.artefacts import Part
+from tests.export.test_laws import parse
+from workbench.artefacts import Part, u_name
 from workbench.export import qdas
-
-
-def parse(dfd: bytes, dfx: bytes):
-    """Fields of the part, of each characteristic, and each characteristic's (value, attribute, time) a record."""
-    part: dict[str, str] = {}
-    characteristics: dict[int, dict[str, str]] = {}
-    for line in dfd.decode("cp1252").split("\r\n"):
-        if not line:
-            continue
-        key, _, value = line.partition(" ")
-        assert len(key.partition("/")[0]) == 5
-        assert key[0] == "K"
-        field, slash, number = key.partition("/")
-        (characteristics.setdefault(int(number), {}) if slash else part)[field] = value
-    assert int(part["K0100"]) == len(characteristics) == max(characteristics)
-    records = []
-    for line in filter(None, dfx.decode("cp1252").split("\r\n")):
-        cells = [cell.split(chr(20)) for cell in line.split(chr(15))]
-        assert len(cells) == len(characteristics)
-        records.append([(float(cell[0]), int(cell[1]), cell[2]) for cell in cells])
-    return part, characteristics, records
 
 
 @pytest.fixture
@@ -47,13 +27,14 @@ def named(inspected):
 def test_what_is_written_is_read(named):
     dfd, dfx = qdas(named)
     assert (dfd.name, dfx.name) == ("inspection.dfd", "inspection.dfx")
-    part, characteristics, (record,) = parse(dfd.content, dfx.content)
+    part, rows, (record,) = parse(dfd.content, dfx.content)
     assert part["K1041"] == "D 1/B é"
     assert "K9999" not in part
-    for k, section in enumerate(named.sections):
-        for j, (value, unit) in enumerate(((section.root_mm, "mm"), (section.bevel_deg, "deg"))):
-            fields, (_, attribute, when) = characteristics[2 * k + j + 1], record[2 * k + j]
-            assert (fields["K2142"], fields["K2402"], fields["K2401"]) == (unit, "LPS 36", "12")
-            assert when == "31.03.2026/14:05:00"
-            assert attribute == (256 if value is None else 0)
-            assert ("not measured" if value is None else "(k = 2)") in fields["K2900"]
+    cells = [(one, size) for one in named.sections for size in (("root_mm", "mm"), ("bevel_deg", "deg"))]
+    for (section, (name, unit)), fields, (_, attribute, when) in zip(cells, rows, record, strict=True):
+        value, places = section.values[name], int(fields["K2022"])
+        assert (fields["K2142"], fields["K2402"], fields["K2401"]) == (unit, "LPS 36", "12")
+        assert when == "31.03.2026/14:05:00"
+        assert int(attribute) == (256 if value is None else 0)
+        u = 2 * (section.values[u_name(name)] or 0.0)
+        assert fields["K2900"] == ("not measured" if value is None else f"U = {u:.{places + 1}f} {unit} (k = 2)")

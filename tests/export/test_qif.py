@@ -10,7 +10,7 @@ import pytest
 from lxml import etree
 
 from tests.export.test_laws import CASES, JOINTS, RUN
-from workbench.artefacts import Part
+from workbench.artefacts import Part, u_name
 from workbench.export import qif
 
 OFFICIAL = Path(__file__).parents[3] / "shared" / "data" / "real" / "qif30" / "QIFDocument.xsd"
@@ -94,9 +94,32 @@ def test_it_names_part_instruments_and_uncertainty(named, provenance):
     assert devices[0].findtext("q:SerialNumber", namespaces=Q) == "12"
     assert found.findtext(".//q:InspectionStart", namespaces=Q) == "2026-03-31T12:05:00Z"
     told = {one.get("name"): one.get("value") for one in found.findall(".//q:MeasurementResults/q:Attributes/*", Q)}
-    assert told["decision rule"] == "ISO 14253-1, guard band 1.645 u"
     assert told["simulated"] == "false"
     assert max(int(one.get("id")) for one in found.iter() if one.get("id")) == int(found.get("idMax"))
+
+
+@pytest.mark.parametrize("what", JOINTS)
+def test_what_results_rest_on_is_told_with_its_numbers_and_units(what):
+    inspection = JOINTS[what]("pass")
+    found = read(qif(inspection, replace(RUN, versions={"workbench": "1.2.3"})))
+    assert found.findtext(".//q:Application/q:Name", namespaces=Q) == "workbench 1.2.3"
+    told = {one.get("name"): one.get("value") for one in found.findall(".//q:MeasurementResults/q:Attributes/*", Q)}
+    for k, source in enumerate(inspection.sources, 1):
+        name, kind, *shares = told.pop(f"uncertainty source {k}").split("; ")
+        assert (name, kind) == (source["name"], f"type {source['kind']}")
+        for share, one in zip(shares, inspection.characteristics, strict=True):
+            symbol, value, unit = share.split()
+            assert (symbol, unit) == (f"u({one.symbol})", "degree" if one.name.endswith("_deg") else "mm")
+            assert float(value) == pytest.approx(source.get(u_name(one.name), 0.0), abs=1e-6)
+    unseen = [one.told for one in inspection.uncertainty.not_included]
+    assert [told.pop(f"not included in the uncertainty {k + 1}") for k in range(len(unseen))] == unseen
+    assert told == {
+        "decision rule": "ISO 14253-1, guard band 1.645 u",
+        "reason": inspection.reason,
+        "simulated": "unknown",
+        "coverage factor of expanded uncertainties": "2",
+        **{f"input {name}": f"{path}; SHA-256 {digest}" for name, path, digest in RUN.inputs},
+    }
 
 
 def test_its_traceability_is_told_or_said_to_be_unknown(named, provenance):

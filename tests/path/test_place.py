@@ -152,7 +152,8 @@ def test_a_recording_that_is_wrong_as_a_whole_never_passes(recording, sound, tou
     assert not gate_of(plan, touched_mm=touched).clean or off < 1.0
 
 
-def test_a_mirrored_cloud_says_what_its_handedness_costs() -> None:
+def test_what_a_cloud_without_poses_leaves_open_moves_the_path_by_what_is_said() -> None:
+    """The path turned by 1 deg, mirrored and stretched by 1 %: the frame, the handedness, the scale."""
     points = clouds.read(file=DATA / "raw_edge.laz")
     mirrored = replace(points, points_mm=points.points_mm * [-1, 1, 1])
     assert isinstance(points, PointSet)
@@ -160,6 +161,14 @@ def test_a_mirrored_cloud_says_what_its_handedness_costs() -> None:
     plan = path.feed(path.layers(raw, gridded), gridded, raw)
     gate = path.check(plan, raw, gridded)
     assert gate.shape_only
-    (said,) = (text for text in gate.unchecked if "handedness" in text)
-    far = float(said.split("moves the path by ")[1].split(",")[0])
-    assert far == pytest.approx(2 * abs(plan.layers[-1].position_mm[:, 0].mean()), rel=0.05)
+    places = np.concatenate([plan.in_base(layer.position_mm) for layer in plan.layers])
+    turned = [Rotation.from_rotvec(axis, degrees=True).apply(places) - places for axis in np.eye(3)]
+    costs = {
+        "frame: turned": [np.sqrt((moved**2).sum(axis=1).mean()) for moved in turned],
+        "handedness": [2 * abs(places[:, k]).mean() for k in range(3)],
+        "scale": [np.linalg.norm(np.ptp(1.01 * places, axis=0)) - np.linalg.norm(np.ptp(places, axis=0))],
+    }
+    for what, expected in costs.items():
+        (said,) = (text for text in gate.unchecked if what in text)
+        told = said.split("the path by ")[-1].split(" is ")[-1].split(" mm")[0].split(", ")
+        assert [float(one) for one in told] == pytest.approx(expected, rel=0.01, abs=0.51 if "hand" in what else 0.06)

@@ -3,6 +3,7 @@
 import csv as comma_separated
 import io
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,12 +37,11 @@ def test_read_back_the_points_are_the_same() -> None:
     assert {(row["arc_length_mm"], row["cutting"]) for row in between} == {("", "0")}
 
 
-def test_nothing_is_written_for_a_path_that_failed_its_checks() -> None:
+@pytest.mark.parametrize(
+    ("changed", "written"),
+    [({"loosened": ("SHAPE ONLY: nothing shows it",)}, True), ({"loosened": ("penetration_mm 2",)}, False), ({}, True)],
+)
+def test_a_shape_is_written_and_a_path_with_a_weaker_check_or_that_failed_is_not(changed: Any, written: bool) -> None:
     path = mill_path(Shape(length_mm=10))
-    assert csv(path, rejected(path)) is None
-
-
-@pytest.mark.parametrize(("loosened", "written"), [("SHAPE ONLY: nothing shows it", True), ("penetration_mm 2", False)])
-def test_a_shape_is_written_and_a_path_with_a_weaker_check_is_not(loosened: str, written: bool) -> None:
-    path = mill_path(Shape(length_mm=10))
-    assert (csv(path, replace(passed(path), loosened=(loosened,))) is not None) is written
+    assert (csv(path, replace(passed(path), **changed)) is not None) is written
+    assert csv(path, replace(rejected(path), **changed)) is None

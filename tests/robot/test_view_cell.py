@@ -1,6 +1,7 @@
 """`workbench view-cell`: what it tells, and a page with the view."""
 
 import base64
+import dataclasses
 import json
 import re
 from pathlib import Path
@@ -8,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+
+from workbench.robot import Cell, Shape, cell_strokes
 
 COLLIDING = "0,40,20,0,30,0"  # the forearm in the turntable
 
@@ -39,6 +42,20 @@ def test_the_view_shows_what_the_words_say(cell_file: Any, command: Any, tmp_pat
     for mm in clearances:
         first, second = drawn[f"{mm} mm"].reshape(2, 3)
         assert np.linalg.norm(second - first) == pytest.approx(float(mm), abs=0.06)
+
+
+@pytest.mark.parametrize(("kind", "size"), [("box", (3, 4, 5)), ("cylinder", (3, 5)), ("capsule", (3, 5))])
+def test_what_is_drawn_of_a_shape_lies_on_it(cell: Cell, kind: str, size: Any) -> None:
+    """Of a box its edges, of a cylinder those of a prism with eight sides."""
+    (drawn,) = cell_strokes(dataclasses.replace(cell, shapes=(Shape("it", -1, kind, size, np.eye(4)),)), np.zeros(6), 0)
+    ends = np.array([line[[0, -1]] for line in drawn.lines_mm])
+    around, high = np.hypot(ends[..., 0], ends[..., 1]), np.abs(ends[..., 2])
+    if kind == "capsule":
+        assert np.hypot(around, np.maximum(high - 2.5, 0)) == pytest.approx(3.0, abs=0.01)
+    else:
+        assert np.hypot(around, high) == pytest.approx(np.hypot(2.5, 2.5 if kind == "box" else 3.0), abs=0.01)
+        lengths = [*(3, 4, 5) * 4] if kind == "box" else [*[5] * 8, *[6 * np.sin(np.pi / 8)] * 16]
+        assert sorted(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)) == pytest.approx(sorted(lengths), abs=0.02)
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.made import files_of
+from tests.report.conftest import text_of
 from workbench.artefacts import Chapter, Document
 from workbench.edge import segment
 from workbench.errors import InputError
@@ -62,9 +63,8 @@ def told(planned: tuple[Any, Path]) -> Callable[..., dict[str, Any]]:
     results, _ = planned
 
     def document(**inputs: Any) -> dict[str, Any]:
-        _, made = sensitivity(results["path.layers"], results["edge.segment_raw"], **inputs)
-        found: dict[str, Any] = json.loads(made.content)
-        return found
+        chapter, made = sensitivity(results["path.layers"], results["edge.segment_raw"], **inputs)
+        return {**json.loads(made.content), "page": text_of(chapter)}
 
     return document
 
@@ -90,7 +90,10 @@ def test_the_shipped_pipeline_names_the_link_to_improve(planned: tuple[Any, Path
 )
 @settings(max_examples=20)
 def test_squares_add_and_the_dearest_link_comes_first(told, tool, robot, half, bevel_half):
-    """A cut that was measured leaves of each link what is new; a link may have what all others leave of the width."""
+    """A cut that was measured leaves of each link what is new; a link may have what all others leave of the width.
+
+    The page says the same, the dearest link in the first row.
+    """
     asked = {"root_tolerance_mm": (-half, 2.0 * half), "bevel_tolerance_deg": (-3.0 * bevel_half, bevel_half)}
     document = told(tool_mm=tool, robot_accuracy_mm=robot, **asked)
     for made in document["characteristics"]:
@@ -103,6 +106,14 @@ def test_squares_add_and_the_dearest_link_comes_first(told, tool, robot, half, b
         assert made["tolerance_half_width"] == pytest.approx(half if root else bevel_half)
         assert made["holds"] == (2.0 * made["u"] <= made["tolerance_half_width"])
         assert made["improve_first"] == links[int(np.argmax(u))]["name"]
+        unit, way = "mm" if root else "deg", "Milled without correction" if blind else "Corrected by a measured cut"
+        shown = document["page"].split(f"{way}: {made['name']} ")[1]
+        said = f"U = 2 u = {2 * made['u']:.3f} {unit} {'is within' if made['holds'] else 'exceeds'} the tolerance of ± "
+        assert f"{said}{made['tolerance_half_width']:g} {unit}. Largest contribution: {made['improve_first']}" in shown
+        rows = sorted(made["links"], key=lambda one: -one["u"])
+        places = [shown.find(f" {one['name']} {one['u']:.4f} {100 * one['share']:.0f} % ") for one in rows]
+        assert places == sorted(places)
+        assert -1 not in places
         for k, one in enumerate(made["links"]):
             assert one["share"] == pytest.approx(u[k] ** 2 / (u**2).sum())
             left = (made["tolerance_half_width"] / 2.0) ** 2 - (np.delete(u, k) ** 2).sum()

@@ -13,12 +13,9 @@ from workbench.robot import refusal
 from workbench.units import Shaped
 
 
-def test_a_dataclass_with_another_axis_fails() -> None:
+def test_a_dataclass_and_a_function_with_another_axis_fail() -> None:
     with pytest.raises(AssertionError, match=r"PointSet, points_mm: expected Shaped\[Float, 'n 3'\], found \(5, 2\)"):
         PointSet(np.zeros((5, 2)))
-
-
-def test_a_function_with_another_axis_fails() -> None:
     with pytest.raises(AssertionError, match=r"refusal, joints: expected Shaped\[Float, 'n 6'\], found \(2, 5\)"):
         refusal(None, np.zeros((2, 5)), np.zeros(2), np.zeros(2), 0)
 

@@ -131,15 +131,11 @@ def test_names_are_checked_and_kept_apart() -> None:
         del REGISTRY["test.once"]
 
 
-def test_one_number_as_tolerance_is_told_what_it_would_be() -> None:
+def test_a_value_that_is_none_is_told_with_what_it_would_be_and_without_the_rest() -> None:
     from workbench.inspect import sections
+    from workbench.scan import read
 
     with pytest.raises(PipelineError, match=r"lower and the upper deviation, as \[-0\.5, 0\.5\], got 0\.5"):
         sections(root_tolerance_mm=0.5)
-
-
-def test_a_date_that_is_none_is_told_without_the_rest_of_the_part() -> None:
-    from workbench.scan import read
-
     with pytest.raises(PipelineError, match=r"\(ISO 8601\), got 'yesterday'$"):
         read(recording="none.h5", part={"recorded_at": "yesterday"})

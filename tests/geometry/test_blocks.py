@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,16 +13,12 @@ from workbench.geometry import blocks
 
 
 @pytest.mark.parametrize("cores", [1, 3])
-@pytest.mark.parametrize("frames", [0, 1, 5, 63, 64])
-def test_every_frame_once_and_in_order(monkeypatch: pytest.MonkeyPatch, frames: int, cores: int) -> None:
+@pytest.mark.parametrize(("frames", "columns", "most"), [*((n, 125, 8) for n in (0, 1, 5, 63, 64)), (3, 1001, 1)])
+def test_every_frame_once_and_in_order(monkeypatch: Any, frames: int, columns: int, most: int, cores: int) -> None:
     monkeypatch.setattr(blocks, "cores", lambda: cores)
-    spans = blocks.over_blocks(lambda first, last: (first, last), (frames, 125), 1000)
+    spans = blocks.over_blocks(lambda first, last: (first, last), (frames, columns), 1000)
     assert [i for first, last in spans for i in range(first, last)] == list(range(frames))
-    assert all(last - first <= 8 for first, last in spans)
-
-
-def test_a_frame_wider_than_a_block_is_a_block() -> None:
-    assert blocks.over_blocks(lambda first, last: last - first, (3, 11), 10) == [1, 1, 1]
+    assert all(last - first <= most for first, last in spans)
 
 
 def test_a_forked_process_has_threads_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:

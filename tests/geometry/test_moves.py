@@ -11,18 +11,14 @@ NONE = np.full((3, 3), np.nan)
 
 
 @pytest.mark.parametrize("turn_deg", [0.0, 10.0, 90.0, 180.0])
-def test_straight_corners(turn_deg: float) -> None:
+@pytest.mark.parametrize(("before", "behind", "rounding"), [(10.0, 10.0, 2.0), (1.0, 30.0, 50.0), (30.0, 1.0, 50.0)])
+def test_straight_corners(turn_deg: float, before: float, behind: float, rounding: float) -> None:
+    """The middle of the parabola, which begins no more than half way."""
     turn = np.radians(turn_deg)
-    position = np.array([[-10.0, 0, 0], [0, 0, 0], [10 * np.cos(turn), 10 * np.sin(turn), 0]])
-    off = rounding_mm(position, NONE, np.zeros(3, bool), 2.0)
-    middle = (2.0 * position[0] / 10 + 2.0 * position[2] / 10) / 4  # of the parabola over 2 mm on either side
-    assert off[0] == off[2] == 0
-    assert off[1] == pytest.approx(np.linalg.norm(middle), abs=1e-12)
-
-
-def test_no_rounding_begins_more_than_half_way() -> None:
-    position = np.array([[-1.0, 0, 0], [0, 0, 0], [0, 30, 0]])
-    assert rounding_mm(position, NONE, np.zeros(3, bool), 50.0)[1] == pytest.approx(0.5 * np.sin(np.pi / 4) / 2)
+    way = np.array([np.cos(turn), np.sin(turn), 0])
+    off = rounding_mm(np.array([[-before, 0, 0], [0, 0, 0], behind * way]), NONE, np.zeros(3, bool), rounding)
+    middle = min(rounding, before / 2, behind / 2) * (way - [1, 0, 0]) / 4
+    assert off == pytest.approx([0, np.linalg.norm(middle), 0], abs=1e-12)
 
 
 def test_an_arc_that_goes_on_as_a_line_has_no_corner() -> None:

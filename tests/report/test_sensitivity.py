@@ -90,10 +90,7 @@ def test_the_shipped_pipeline_names_the_link_to_improve(planned: tuple[Any, Path
 )
 @settings(max_examples=20)
 def test_squares_add_and_the_dearest_link_comes_first(told, tool, robot, half, bevel_half):
-    """A cut that was measured leaves of each link what is new; a link may have what all others leave of the width.
-
-    The page says the same, the dearest link in the first row.
-    """
+    """A cut measured leaves of each what is new, one may have what others leave; the page says so, dearest first."""
     asked = {"root_tolerance_mm": (-half, 2.0 * half), "bevel_tolerance_deg": (-3.0 * bevel_half, bevel_half)}
     document = told(tool_mm=tool, robot_accuracy_mm=robot, **asked)
     for made in document["characteristics"]:

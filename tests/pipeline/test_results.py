@@ -2,13 +2,16 @@
 
 import json
 import re
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.made import files_of
 from workbench.artefacts import Document
+from workbench.path import read
 
 ROOT = Path(__file__).parents[2]
 
@@ -32,6 +35,22 @@ def test_inspections_on_the_way_are_told_in_a_line_with_their_name(command: Any,
     assert told.count("\npart: ") == 1
     assert "gate first_check: rejected" in told
     assert "gate last_check: passed" in told
+
+
+def test_a_path_is_told_with_its_layers_points_time_and_what_it_saves(command: Any, tmp_path: Path) -> None:
+    path = read(toolpath=ROOT / "data" / "synthetic" / "paths" / "raw_arc.json")
+    moves = [one for pair in zip_longest(path.travels, path.layers) for one in pair if one is not None]
+    step = np.linalg.norm(np.diff(np.vstack([one.position_mm for one in moves]), axis=0), axis=1)
+    time_s = (step / np.concatenate([one.feed_mm_s for one in moves])[1:]).sum()
+    saved = 100 * (1 - time_s * path.v_slow_mm_s / step.sum())
+    stages = [{"stage": "path.read", "toolpath": str(ROOT / "data" / "synthetic" / "paths" / "raw_arc.json")}]
+    (tmp_path / "p.json").write_text(json.dumps({"version": 1, "stages": stages}))
+    told = command("run", tmp_path / "p.json", "--out", tmp_path / "out").out
+    layers, points = len(path.layers), sum(len(one.feed_mm_s) for one in path.layers)
+    assert (
+        f"path: {layers} layers, {points} points on {path.edge_length_mm:.1f} mm of edge, {time_s / 60:.1f} min" in told
+    )
+    assert f"({saved:.0f} % less than at {path.v_slow_mm_s:g} mm/s throughout)" in told
 
 
 def test_a_file_of_a_stage_under_the_name_of_a_result_file_is_one() -> None:

@@ -1,21 +1,9 @@
 """A profile of a groove, read from both sides, and the types that its sides may make."""
 
 import numpy as np
-import pytest
 
 from workbench.edge.groove_profile import read_profile
 from workbench.edge.segment_groove_stage import possible_types, with_a_bevel
-
-
-def test_a_profile_is_read_from_both_sides() -> None:
-    x = np.linspace(-10.0, 10.0, 400)
-    y = np.where(np.abs(x) > 4.0, 0.0, np.abs(x) * 1.5 - 6.0)
-    seen = np.abs(x) > 1.0
-    sides = read_profile(x[seen], y[seen])
-    assert sides is not None
-    assert [side.kind for side in sides] == ["bevel", "bevel"]
-    assert [round(float(side.corner[0]), 1) for side in sides] == [-4.0, 4.0]
-    assert np.degrees(sides[0].fall) == pytest.approx(np.degrees(np.arctan(1.5)), abs=0.2)
 
 
 def test_types_that_look_alike_from_above_are_all_named() -> None:

@@ -54,7 +54,8 @@ def counted_back(r: Recording) -> Recording:
 MIRROR = np.diag([-1.0, 1.0, 1.0])
 ALIKE: dict[str, tuple[Callable[[Recording], Recording], Any, Any]] = {  # and where base and truth are then
     "moved, by a sensor that counts back": (lambda r: moved(counted_back(r)), TURN, SHIFT_MM),
-    "in a mirror, run backwards": (lambda r: mirrored(backwards(r)), MIRROR, np.zeros(3)),
+    "in a mirror": (mirrored, MIRROR, np.zeros(3)),
+    "run backwards": (backwards, np.eye(3), np.zeros(3)),
 }
 
 

@@ -663,9 +663,10 @@ def _alike(values: Float) -> float:
     By how means of 2, 4, 8, ... frames scatter against single ones; as long as LEAST_MEANS of them are left.
     """
     single, size, most = values.var(axis=0, ddof=1), 2, 1.0
-    while len(values) // size >= LEAST_MEANS:
-        means = values[: len(values) // size * size].reshape(-1, size, values.shape[1]).mean(axis=1)
-        most = max(most, size * float(np.mean(means.var(axis=0, ddof=1) / np.maximum(single, 1e-18))))
+    while (count := len(values) // size) >= LEAST_MEANS:
+        both = [of.reshape(count, size, -1).mean(axis=1) for of in (values[: count * size], values[-count * size :])]
+        scatter = np.mean([means.var(axis=0, ddof=1) for means in both], axis=0)  # whichever end comes first
+        most = max(most, size * float(np.mean(scatter / np.maximum(single, 1e-18))))
         size *= 2
     return most
 

@@ -176,8 +176,9 @@ LIMITS: dict[str, Limit] = {
     "late_turn_deg": Limit(
         0.03,
         "turn of a raw edge's face that goes with how fast the scanner turns, root mean square, where that is certain",
-        "poses that come 5 ms late at 3 deg of sway make as much; 60 good raw edges show none for certain; a smaller "
-        "one is in the uncertainty, and so is one that the face's place alone shows, or that 10 ms would make unseen",
+        "poses that come 5 ms late at 3 deg of sway make as much; certain is what exceeds twice its uncertainty; a "
+        "smaller one is in the uncertainty, and so is one that the face's place alone shows, or that 10 ms "
+        "would make unseen",
     ),
     "edge_break_mm": Limit(
         1.6,

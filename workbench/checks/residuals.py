@@ -15,7 +15,7 @@ from workbench.checks.motion import twisted
 from workbench.geometry.along import by_pass
 from workbench.geometry.medians import median, medians, robust_sd
 from workbench.geometry.poses import vector_from_rotation
-from workbench.units import DEG, MEDIAN_U, Bool, Float, Int, Shaped
+from workbench.units import COVERAGE, DEG, MEDIAN_U, Bool, Float, Int, Shaped
 
 CERTAIN = 5.0  # of a difference of every second frame, times its standard uncertainty
 LEAST_FRAMES = 48  # that tell how frames go together
@@ -77,7 +77,7 @@ class Late(NamedTuple):
 
     offset_s: Shaped[Float, " N"]  # profile time less pose time, where it is certain; else 0
     unsure_s: Shaped[Float, " N"]  # standard uncertainty of it, where one of UNSEEN_S would not show
-    by_turn: Shaped[Float, " N"]  # 1 where the face's turn shows it, 0 where its place alone does: edges wave, too
+    turn: Shaped[Float, " N"]  # what of the face's turn it is for certain, rms of a pass, rad
     rate: Shaped[Float, " N"]  # with which the face turns about the edge in the view, rad/s
     # with which laser plane and edge turn against each other, and the edge bends with its place: rms of a pass, rad/s
     oblique_rate: Shaped[Float, " N"]
@@ -113,9 +113,9 @@ def late_of(face: FaceAlong, pose: Float, time_s: Float, passes: Int) -> Late:
     offset that may walk, and what its place leaves of a slow bend with the rate at which they carry it, by a constant
     one: waves of an edge look like one that walks. What two passes show alike at the same places is the plate's.
     """
-    offset, unsure, by_turn, rate, oblique, turned, by_place = np.zeros((7, face.s.size))
+    offset, unsure, turn, rate, oblique, turned, by_place = np.zeros((7, face.s.size))
     still_mm = np.zeros((face.s.size, 3))
-    found = Late(offset, unsure, by_turn, rate, oblique, still_mm, still_mm.copy(), passes)
+    found = Late(offset, unsure, turn, rate, oblique, still_mm, still_mm.copy(), passes)
     for mine in by_pass(passes, np.isfinite(face.s + face.angle)):
         if mine.size < LEAST_BINS * FRAMES_A_LATE_BIN:
             continue
@@ -126,12 +126,18 @@ def late_of(face: FaceAlong, pose: Float, time_s: Float, passes: Int) -> Late:
         rate = (spin * here.tangent).sum(axis=1)
         turning = _turning(here, rate, vector_from_rotation(rotation[0].T @ rotation), edges)
         moving = _moving(here, flow, edges)
-        (turns, walk), (moves, still) = _told(turning), _told(moving)
+        (turns, walk, covariance), (moves, still, _) = _told(turning), _told(moving)
         found.offset_s[mine] = _walk(mine.size, still if moves > turns else walk)  # by what is more certain
-        found.by_turn[mine], found.unsure_s[mine] = turns > 0.0, _unsure((turning, moving))
-        turned[mine], by_place[mine] = found.offset_s[mine] * found.by_turn[mine] * rate, still[0]
+        found.unsure_s[mine] = _unsure((turning, moving))
+        turned[mine], by_place[mine] = found.offset_s[mine] * (turns > 0.0) * rate, still[0]
         along = np.einsum("nji,nj->ni", rotation, np.cross(here.normal, here.tangent))
         found.rate[mine] = (_turned(rotation, here.normal, span) * along).sum(axis=1)
+        if turns > 0.0:  # where its place alone shows it, an edge may wave
+            shown, ways = _rms(found.offset_s[mine] * found.rate[mine]), _walk(mine.size, np.eye(walk.size))
+            by_terms = np.einsum("ni,ij,nj->n", ways, covariance, ways)
+            found.turn[mine] = math.sqrt(
+                max(shown**2 - COVERAGE**2 * float(np.mean(by_terms * found.rate[mine] ** 2)), 0.0)
+            )
         across = flow - (flow * here.tangent).sum(axis=1, keepdims=True) * here.tangent
         slow, bends = twisted(here.s, DEGREE), _rms(_bending(_mean(across, edges), _mean(here.s, edges)))
         found.flow_mm_s[mine], found.slow_mm_s[mine] = across, slow @ (slow.T @ across)
@@ -140,7 +146,7 @@ def late_of(face: FaceAlong, pose: Float, time_s: Float, passes: Int) -> Late:
     for pair in combinations(np.unique(passes), 2):
         if _both_show(face, turned, [passes == number for number in pair]):
             both = np.isin(passes, pair)
-            found.offset_s[both], found.by_turn[both] = by_place[both], 0.0
+            found.offset_s[both], found.turn[both] = by_place[both], 0.0
     return found
 
 
@@ -170,7 +176,7 @@ def _both_show(face: FaceAlong, turned: Float, pair: list[Bool]) -> bool:
 
 def late_check(late: Late, limits: Mapping[str, Bound] | None = None) -> Check:
     """The check that the face does not turn with the rate of the poses; root mean square of the frames."""
-    turn = _rms(late.offset_s * late.rate * late.by_turn) / DEG
+    turn = _rms(late.turn) / DEG
     hidden = _rms(late.unsure_s * late.rate)
     low, high = 1e3 * float(late.offset_s.min()), 1e3 * float(late.offset_s.max())
     told = "the face shows no rotation that follows the rate of the poses"
@@ -181,7 +187,7 @@ def late_check(late: Late, limits: Mapping[str, Bound] | None = None) -> Check:
         )
         told += "pose that is off; or does the part vibrate, or something (tape?) cover its face here and there?"
     elif late.offset_s.any():
-        told = f"the face moves to and fro as it would if poses came {low:+.0f} to {high:+.0f} ms late"
+        told = f"the face moves or turns to and fro as it would if poses came {low:+.0f} to {high:+.0f} ms late"
     elif hidden > UNSEEN_TURN:
         told = f"the scanner sways slowly, and does not show whether the clocks agree: {1e3 * UNSEEN_S:.0f} ms would "
         told += f"rotate the face by {hidden / DEG:.2g} deg (rms), as a twisted plate does; it does not show which"
@@ -270,18 +276,31 @@ def _moving(face: FaceAlong, flow: Float, edges: Int) -> _Channel:
     return _Channel(shown, USUAL_S * along[:, None], np.zeros((shown.size, 0)), shown.size - known.shape[1])
 
 
-def _told(channel: _Channel) -> tuple[float, Float]:
-    """How many times more than noise an offset explains, 0 where it is not certain, and the terms of its walk, s."""
+def _told(channel: _Channel) -> tuple[float, Float, Float]:
+    """How many times more than noise an offset explains, 0 where it is not certain; the terms of its walk, s; their
+    covariance.
+    """
     more = channel.by_rate.shape[1] - 1
-    (_, none, _), (still, one, _), (walk, every, noise) = (_fitted(channel, terms) for terms in (0, 1, more + 1))
-    certain, walks = (none - one) / noise > SURE_LATE, (none - every) / noise > SURE_WALK * (more + 1)
-    if more and walks and (not certain or (one - every) / noise > SURE_WALK * more):
-        return (none - every) / noise, walk
-    return ((none - one) / noise, still) if certain else (0.0, 0.0 * still)
+    none, one, every = (_fitted(channel, terms) for terms in (0, 1, more + 1))
+    explained, further = none.cost - one.cost, one.cost - every.cost
+    certain = explained > SURE_LATE * every.noise
+    walks = explained + further > SURE_WALK * (more + 1) * every.noise
+    if more and walks and (not certain or further > SURE_WALK * more * every.noise):
+        return (explained + further) / every.noise, every.terms_s, every.covariance
+    return (explained / every.noise if certain else 0.0), one.terms_s * certain, one.covariance
 
 
-def _fitted(channel: _Channel, terms: int) -> tuple[Float, float, float]:
-    """Coefficients (terms,) s, the sum of squares that they leave, and its noise: what a bin errs by, squared."""
+class _Fitted(NamedTuple):
+    """An offset by k terms, as a channel shows it."""
+
+    terms_s: Shaped[Float, " k"]
+    covariance: Shaped[Float, "k k"]  # s squared
+    cost: float  # sum of squares that they leave
+    noise: float  # what a bin errs by, squared
+
+
+def _fitted(channel: _Channel, terms: int) -> _Fitted:
+    """An offset by so many terms, beside what else goes with the scanner."""
     columns = np.concatenate([channel.by_rate[:, :terms], channel.beside], axis=1)
     left, size, right = np.linalg.svd(columns, full_matrices=False)
     along, noise = left.T @ channel.shown, 0.0
@@ -292,15 +311,11 @@ def _fitted(channel: _Channel, terms: int) -> tuple[Float, float, float]:
         alike = min(max(float(off[1:] @ off[:-1]) / max(square, 1e-30), 0.0), MOST_ALIKE)
         noise = max(square / (channel.free - size.size) * (1.0 + alike) / (1.0 - alike), 1e-30)
     cost = square + noise * float(((share * along) ** 2).sum())
-    return USUAL_S * (right.T @ (share * along))[:terms], cost, noise
+    found, covariance = right.T @ (share * along), noise * (right.T / (size**2 + noise)) @ right
+    return _Fitted(USUAL_S * found[:terms], USUAL_S**2 * covariance[:terms, :terms], cost, noise)
 
 
 def _unsure(channels: tuple[_Channel, ...]) -> float:
     """Standard uncertainty of an offset that may be UNSEEN_S, by all that is shown."""
-    known = 1.0 / UNSEEN_S**2
-    for channel in channels:
-        noise, rate = _fitted(channel, 1)[2], channel.by_rate[:, 0]
-        beside = channel.beside.T @ channel.beside / noise + np.eye(channel.beside.shape[1])
-        mixed = channel.beside.T @ rate / noise
-        known += float(rate @ rate / noise - mixed @ np.linalg.solve(beside, mixed)) / USUAL_S**2
-    return 1.0 / math.sqrt(known)
+    each = [1.0 / float(_fitted(channel, 1).covariance[0, 0]) - 1.0 / USUAL_S**2 for channel in channels]
+    return 1.0 / math.sqrt(1.0 / UNSEEN_S**2 + sum(each))

@@ -198,13 +198,20 @@ GROUP = "workbench.stages"  # entry points of families of stages
 MOST_MAKERS = 4  # named in a message
 
 
+def bring(family: Any, verb: str = "") -> None:
+    """Import all stages of a family's module, or one: the project's own families import each when it is asked for."""
+    for each in getattr(family, "__all__", ()):
+        if verb in ("", each):
+            getattr(family, each)
+
+
 def _expected(source: Source) -> str:
     """What a source is, and the stages that make it, those first that do not take one themselves."""
     from importlib.metadata import entry_points  # slow to load, and only refusals ask
 
     for entry in entry_points(group=GROUP):
         with suppress(Exception):  # a plug-in that cannot be imported makes nothing
-            entry.load()
+            bring(entry.load())
     makers = sorted(
         (any(issubclass(source.type, one.type) for one in stage.sources), name)
         for name, stage in REGISTRY.items()

@@ -26,7 +26,7 @@ from typing import Any
 from workbench import user_folder
 from workbench.errors import PipelineError, nearest
 from workbench.pipeline.document import ID, NAME
-from workbench.stage import GROUP, REGISTRY, Role, Source, Stage
+from workbench.stage import GROUP, REGISTRY, Role, Source, Stage, bring
 from workbench.user_folder import package_digest
 
 FILES: dict[str, str] = {}  # SHA-256 of plug-ins of one file, by module: run.json names them
@@ -104,10 +104,7 @@ def load(family: str, name: str = "") -> None:
         if name in REGISTRY:
             return
         try:
-            found = importlib.import_module(module)
-            for each in getattr(found, "__all__", ()):
-                if not name or name == f"{family}.{each}":
-                    getattr(found, each)  # the project's own import a stage when it is asked for
+            bring(importlib.import_module(module), name.partition(".")[2])
         except PipelineError:
             raise
         except Exception as error:  # a plug-in may fail in any way while it is imported

@@ -193,7 +193,7 @@ STUDY = Study(
     report,
     "grooves.md",
     "joints",
-    partial(folded, largest=10 * len(JOINTS)),
+    partial(folded, largest=900),
 )
 if __name__ == "__main__":
     STUDY()

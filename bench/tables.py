@@ -10,7 +10,7 @@ from pathlib import Path
 
 FOLDER = "tables"  # beside the page
 NAMED = 6  # words of a heading in the name of its table
-LARGEST = 12  # cells of a table that stays in the page
+LARGEST = 300  # characters of a table that stays in the page
 TABLE = re.compile(r"(?:^\|.*\n?)+", re.MULTILINE)
 HEADING = re.compile(r"^#+ (.*)", re.MULTILINE)
 
@@ -39,7 +39,7 @@ def folded(page: Path, text: str, largest: int = LARGEST) -> str:
 
     def kept(table: re.Match[str]) -> str:
         head, _, *rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table[0].splitlines()]
-        if len(head) * len(rows) <= largest:
+        if len(table[0]) <= largest:
             return table[0]
         return f"[All rows]({written(page, HEADING.findall(text[: table.start()])[-1], head, rows)}).\n"
 

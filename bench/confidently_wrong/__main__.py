@@ -162,7 +162,7 @@ def _refused(message: str, kind: Kind) -> str:
 JUDGES = {"inspections": (inspected, INSPECTED), "plans": (planned, PLANNED)}
 
 
-LARGEST = 24  # cells of the table that stays in the page
+LARGEST = 900  # characters of the table that stays in the page
 
 
 def drawn(given: Namespace) -> list[tuple[str, int, int, tuple[str, ...]]]:

@@ -69,6 +69,22 @@ def test_a_sound_scan_is_a_shape_until_something_shows_its_place(sound, touched)
     assert in_the_middle.shape_only
 
 
+@pytest.mark.parametrize("mm", [0.5, 1.0, 2.0])
+def test_points_touched_beside_the_edge_are_measured_from_the_face_they_lie_on(sound, touched, mm):
+    """On end face and upper surface, `mm` from where they meet; half a millimetre and more off either is told."""
+    _, raw, _ = sound
+    beside: list[Float] = []
+    for at in (np.array([0.1, 0.9]) * (len(raw.arc_length_mm) - 1)).astype(int):
+        upper, inward = raw.upper_position_mm[at], raw.upper_inward[at]
+        down = raw.position_mm[at] - upper
+        down /= np.linalg.norm(down)
+        beside += [upper + mm * down, upper + mm * inward]
+    placed = gate_of(sound, touched_mm=[*touched, *beside])
+    assert (placed.clean, placed.cause) == (True, gate_of(sound, touched_mm=touched).cause)
+    out = -raw.upper_inward.mean(axis=0)
+    assert "mm off the scanned surface" in gate_of(sound, touched_mm=[beside[0] + 0.7 * out]).reason
+
+
 def test_two_passes_turned_about_the_edge_show_the_place(sound: tuple[Toolpath, RawEdge, Cloud]) -> None:
     """Where they see the edge in one place; turned about another axis they would share the hand-eye's error."""
     toolpath, raw, points = sound

@@ -26,6 +26,7 @@ Points = Annotated[list[tuple[Coordinate, Coordinate, Coordinate]], Field(min_le
 TOUCHED_MM = 0.5  # from the scanned surface, of a point that the tool touched: both of one place
 AROUND_MM = 4.0  # of a touched point, in which the scan tells the surface
 LEAST_RETURNS = 12
+FITS = 10  # of a face to the returns that lie in it
 GROSS_MM, GROSS = 50.0, 10.0 * DEG  # by which a scan may stand elsewhere, where nothing says where
 KNOWN_MM = 1.0  # how well points that were touched must tell the edge's place beside it, coverage 2
 ANOTHER_DEG, ABOUT_EDGE = 10.0, 0.9  # of the scanner in a second orientation; cosine of its axis with the edge
@@ -77,8 +78,7 @@ def _touched(edge: Edge, cloud: Cloud, touched: Points) -> tuple[list[str], floa
         if len(near) < LEAST_RETURNS:
             faults.append(f"touched point {i + 1} lies nowhere on the scanned surface: another part, or another place")
             continue
-        centre = near.mean(axis=0)
-        normal = np.linalg.svd(near - centre, full_matrices=False)[2][2]
+        centre, normal = _face(near, place)
         off = float(abs(normal @ (place - centre)))
         if off > TOUCHED_MM:
             faults.append(f"touched point {i + 1} lies {off:.2f} mm off the scanned surface, at most {TOUCHED_MM:g}")
@@ -94,6 +94,22 @@ def _touched(edge: Edge, cloud: Cloud, touched: Points) -> tuple[list[str], floa
         spread = across @ moves @ left @ moves.T @ across
         worst = max(worst, 2.0 * float(np.sqrt(np.linalg.eigvalsh(spread)[-1])))
     return faults, worst
+
+
+def _face(near: Float, place: Float) -> tuple[Float, Float]:
+    """Middle and normal of the face nearest to a place: what lies across an edge from it is left out."""
+    order = np.argsort(np.linalg.norm(near - place, axis=1))
+    found = []
+    for few in (LEAST_RETURNS, 4 * LEAST_RETURNS, 16 * LEAST_RETURNS):
+        belongs = np.zeros(len(near), bool)
+        belongs[order[:few]] = True
+        for _ in range(FITS):
+            centre = near[belongs].mean(axis=0)
+            normal = np.linalg.svd(near[belongs] - centre, full_matrices=False)[2][2]
+            belongs = np.abs((near - centre) @ normal) < TOUCHED_MM / 2
+        found.append((belongs.sum(), centre, normal))
+    _, centre, normal = max(found, key=lambda one: one[0])
+    return centre, normal
 
 
 def _cross(v: Float) -> Float:

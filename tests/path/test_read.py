@@ -108,6 +108,26 @@ def test_one_line_says_what_is_wrong(tmp_path, document, change, where):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("change", "where"),
+    [
+        (lambda point: point.update(position_mm=[v / 1000 for v in point["position_mm"]]), "0.001 mm a mm"),
+        (lambda point: point.update(position_mm=[v / 10 for v in point["position_mm"]]), "cm"),
+        (
+            lambda point: point.update(quaternion_wxyz=np.roll(point["quaternion_wxyz"], -1).tolist()),
+            "y along the feed",
+        ),
+    ],
+)
+def test_metres_and_quaternions_in_another_order_are_told_by_the_path_itself(tmp_path, document, change, where):
+    """Postures would be sought for them, at great length and in vain."""
+    for layer in document["layers"]:
+        for point in layer["points"]:
+            change(point)
+    with pytest.raises(InputError, match=rf"layers\[0\]\.points: .*{where}"):
+        read(toolpath=written(tmp_path, document))
+
+
 def test_a_path_that_never_cuts_is_refused(tmp_path: Path, document: dict[str, Any]) -> None:
     for layer in document["layers"]:
         for point in layer["points"]:

@@ -9,7 +9,7 @@ import numpy as np
 from workbench.artefacts import UNKNOWN_PART, ChainU, Cutter, Gate, Layer, Toolpath, Travel
 from workbench.artefacts.decisions import SHAPE_ONLY
 from workbench.errors import InputError
-from workbench.geometry.poses import is_rigid
+from workbench.geometry.poses import is_rigid, rotation_from_quaternion
 from workbench.stage import InputFile, stage
 from workbench.storage import MOST_BYTES
 from workbench.strict_json import content_digest
@@ -18,6 +18,8 @@ from workbench.units import Float
 if TYPE_CHECKING:
     from workbench.result_files.contract import LayerRow, ToolpathFile, TravelPoint
 
+STRETCH = 5.0  # of a path against the lower edge at a tight turn; cm and inches differ by 10 and more
+AHEAD = 0.5  # cosine of y with the advance: of a file in another order it is any
 PLACE_UNSAID = f"{SHAPE_ONLY}the file does not say what shows where the part stands in the robot's base"
 
 
@@ -48,6 +50,8 @@ def read(*, toolpath: InputFile) -> Toolpath:
     cut = [point for row in file.layers for point in row.points if point.cutting]
     if not cut:
         raise InputError(f"{where}.layers", "expected points that cut, found none")
+    for i, layer in enumerate(layers):
+        _check_advance(layer, f"{where}.layers[{i}].points")
     cutter = file.cutter
     return Toolpath(
         cutter=Cutter(
@@ -83,6 +87,27 @@ def _layer(row: LayerRow, depth_mm: float, above: int) -> Layer:
         width_mm=np.array(width, float),
         **_poses(points),
     )
+
+
+def _check_advance(layer: Layer, where: str) -> None:
+    """Where a layer cuts, positions advance as the arc length does, and along y of their frames.
+
+    Raises:
+        InputError: they do not; what the unit or the order of the quaternions may be.
+    """
+    cuts = layer.cutting[1:] & layer.cutting[:-1] & (np.diff(layer.arc_length_mm) > 0)
+    if not cuts.any():
+        return
+    step, y = np.diff(layer.position_mm, axis=0), rotation_from_quaternion(layer.quaternion_wxyz)[1:, :, 1]
+    length = np.linalg.norm(step, axis=1)
+    ratio = float(np.median(length[cuts] / np.diff(layer.arc_length_mm)[cuts]))
+    if not 1 / STRETCH < ratio < STRETCH:
+        unit = "in another unit than mm, such as m, cm or inches?" if ratio < 1 else "in another unit than mm?"
+        raise InputError(where, f"positions advance by {ratio:.3g} mm a mm of arc length, expected about 1: {unit}")
+    along = float(np.median((step * y).sum(axis=1)[cuts] / np.maximum(length[cuts], 1e-9)))
+    if along < AHEAD:
+        off = np.degrees(np.arccos(np.clip(along, -1, 1)))
+        raise InputError(where, f"expected y along the feed, found it {off:.0f} deg off: is w the quaternions' first?")
 
 
 def _poses(points: list[Any] | list[TravelPoint]) -> dict[str, Float]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from bench.odd_plates import Corners, compound
 from bench.outside import FAR_MM, Part, Section, Usual, simulate
-from workbench.artefacts import GrooveSection
+from workbench import artefacts
 from workbench.units import DEG, Float
 
 AWAY_MM = 1e6  # where what is not at this place of the groove is put
@@ -327,7 +327,7 @@ def odd_groove(shape: str, seed: int) -> Part:
     return simulate(seed, True, groove, Overhead(wide))
 
 
-def exact(part: Part, kind: str, section: GrooveSection) -> dict[str, float]:
+def exact(part: Part, kind: str, section: artefacts.Section) -> dict[str, float]:
     """True sizes by the names of groove.json, of a section of a groove that was found to be of a type."""
     assert isinstance(part.section, Groove)
     sizes = part.section.sizes()

@@ -25,6 +25,7 @@ from workbench.artefacts import (  # noqa: E402
     HandEye,
     Inspection,
     Provenance,
+    Quantity,
     Requirements,
     Section,
 )
@@ -167,14 +168,21 @@ def forget_strangers() -> None:
             del REGISTRY[name]
 
 
+def bevel_sizes(
+    root_mm: float | None, root_u_mm: float | None, bevel_deg: float | None, bevel_u_deg: float | None
+) -> dict[str, Quantity]:
+    """Sizes of a section of a milled bevel; None: not measured."""
+    found = {"root_mm": (root_mm, root_u_mm), "bevel_deg": (bevel_deg, bevel_u_deg)}
+    return {name: Quantity.of(name, np.array(v, float), {"all": np.array(u, float)}) for name, (v, u) in found.items()}
+
+
 def inspection(root_mm: float, fail: bool) -> Inspection:
     """An inspection with a measured and a hidden section, NaN in its profile."""
     x, y, z = np.eye(3)
     verdict = "fail" if fail else "undecided"
-    seen = Section(
-        1, 2.5, np.zeros(3), x, y, z, root_mm, 0.004, 40.1, 0.02, "fail" if fail else "pass", "", np.arange(3)
-    )
-    hidden = Section(2, 7.5, 5 * x, x, y, z, None, None, None, None, "undecided", "hidden", np.arange(0))
+    sizes, told = bevel_sizes(root_mm, 0.004, 40.1, 0.02), "fail" if fail else "pass"
+    seen = Section(1, 2.5, np.zeros(3), x, y, z, sizes, told, "", np.arange(3))
+    hidden = Section(2, 7.5, 5 * x, x, y, z, bevel_sizes(*[None] * 4), "undecided", "hidden", np.arange(0))
     values = np.array([root_mm, np.nan])
     profile = EdgeProfile(np.array([0.0, 10.0]), np.array([[0, 0, 0], [10.0, 0, 0]]), values, values, values, values)
     return Inspection((seen, hidden), profile, Requirements(), 1.645, verdict, "section 2 is hidden", "whole edge")

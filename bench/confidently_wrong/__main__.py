@@ -74,7 +74,7 @@ def inspected(recording: Recording, truth: Truth, kind: Kind) -> str:
         return _refused(str(error), kind)
     except Exception:
         return "crashed"
-    told = [s for s in inspection.sections if s.root_mm is not None]
+    told = [s for s in inspection.sections if s.values["root_mm"] is not None]
     count = len(inspection.sections)
     share = np.array([(s.index - 0.5) / count for s in told])
     seen = truth.arc_length_mm[truth.seen]
@@ -84,7 +84,7 @@ def inspected(recording: Recording, truth: Truth, kind: Kind) -> str:
     wrong = min((_wrong(told, truth, at) for at in places), default=0)
     if wrong > 2:
         return CONDITION if inspection.verdict != "pass" else _wrong_class(kind, inspection.checks)
-    vague = [s for s in told if s.root_u_mm > HONEST_MM or s.bevel_u_deg > HONEST_DEG]
+    vague = [s for s in told if s.values["root_u_mm"] > HONEST_MM or s.values["bevel_u_deg"] > HONEST_DEG]
     return "honest" if len(told) - len(vague) < count / 2 else "right"
 
 
@@ -107,7 +107,8 @@ def _wrong(told: list, truth: Truth, at: Float) -> int:
     root = np.interp(at, truth.arc_length_mm, truth.root_mm)
     bevel = np.interp(at, truth.arc_length_mm, truth.bevel_deg)
     return sum(
-        abs(s.root_mm - r) > max(3 * s.root_u_mm, FLOOR_MM) or abs(s.bevel_deg - b) > max(3 * s.bevel_u_deg, FLOOR_DEG)
+        abs(s.values["root_mm"] - r) > max(3 * s.values["root_u_mm"], FLOOR_MM)
+        or abs(s.values["bevel_deg"] - b) > max(3 * s.values["bevel_u_deg"], FLOOR_DEG)
         for s, r, b in zip(told, root, bevel, strict=True)
     )
 

@@ -173,13 +173,13 @@ course = np.array(truth["position_mm"])
 def off(section):
     """Root face and bevel angle less the truth nearest to the section."""
     at = np.linalg.norm(course - section.origin_mm, axis=1).argmin()
-    root, bevel = section.root_mm - truth["root_mm"][at], section.bevel_deg - truth["bevel_deg"][at]
+    root, bevel = section.values["root_mm"] - truth["root_mm"][at], section.values["bevel_deg"] - truth["bevel_deg"][at]
     return {
         "section": section.index,
         "root_off_mm": round(float(root), 4),
-        "root_off_u": round(float(root / section.root_u_mm), 2),
+        "root_off_u": round(float(root / section.values["root_u_mm"]), 2),
         "bevel_off_deg": round(float(bevel), 4),
-        "bevel_off_u": round(float(bevel / section.bevel_u_deg), 2),
+        "bevel_off_u": round(float(bevel / section.values["bevel_u_deg"]), 2),
     }
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.api import Document, Gate, InputError, InputFile, Inspection, stage
-from workbench.artefacts import EdgeProfile, Requirements, Section
+from workbench.artefacts import EdgeProfile, Quantity, Requirements, Section
 
 
 @stage("breaking.inspect")
@@ -43,8 +43,13 @@ def inspect(*, recording: InputFile, shift_mm: float = 0.0) -> Inspection:
     x, y, z = np.eye(3)
     roots = [None if text == "-" else float(text) + shift_mm for text in values.split()]
     frames = np.arange(1)
+
+    def sizes(root):
+        told = {"root_mm": (root, 0.01), "bevel_deg": (root and 40.0, 0.02)}
+        return {name: Quantity.of(name, np.array(value, float), {"all": u}) for name, (value, u) in told.items()}
+
     sections = tuple(
-        Section(i, 10.0 * i, i * x, x, y, z, root, root and 0.01, root and 40.0, root and 0.02, "pass", "", frames)
+        Section(i, 10.0 * i, i * x, x, y, z, sizes(root), "pass", "", frames)
         for i, root in enumerate(roots, 1)
     )
     verdict = "fail" if what == "reject" else "pass"

@@ -30,9 +30,9 @@ def test_a_root_face_that_ends_behind_blind_columns_is_right(columns: int) -> No
     if columns == 30:
         return
     found = sections(edge).sections
-    told = [one for one in found if one.root_mm is not None]
+    told = [one for one in found if one.values["root_mm"] is not None]
     assert len(told) > 6
-    off = [abs(one.root_mm - float(truth.root_mm_at(np.array([one.origin_mm]))[0])) for one in told]
-    assert all(error < 3.0 * one.root_u_mm for error, one in zip(off, told, strict=True))
-    wide = max(one.root_u_mm for one in told)
+    off = [abs(one.values["root_mm"] - float(truth.root_mm_at(np.array([one.origin_mm]))[0])) for one in told]
+    assert all(error < 3.0 * one.values["root_u_mm"] for error, one in zip(off, told, strict=True))
+    wide = max(one.values["root_u_mm"] for one in told)
     assert wide > 0.1 * columns * 0.05  # at least a good part of the step over them

@@ -51,6 +51,6 @@ def test_a_filter_of_the_sensor_bends_no_face(seed: int, most_deg: float, smooth
     root, bevel = (round(float(of.mean()), 1) for of in (truth.root_mm, truth.bevel_deg))
     cloud = denoise(fuse(replace(recording, z_mm=filtered)))
     found = sections(segment(cloud, root_nominal_mm=root, bevel_nominal_deg=bevel)).sections
-    off = [one.bevel_deg - float(truth.bevel_deg_at(one.origin_mm[None])[0]) for one in found]
+    off = [one.values["bevel_deg"] - float(truth.bevel_deg_at(one.origin_mm[None])[0]) for one in found]
     assert abs(np.median(off)) < most_deg
-    assert np.max(np.abs(off) / [one.bevel_u_deg for one in found]) < 2.5
+    assert np.max(np.abs(off) / [one.values["bevel_u_deg"] for one in found]) < 2.5

@@ -34,12 +34,12 @@ def test_a_rough_face_is_known_as_well_as_it_turns(seed: int, roughness_mm: floa
     """Its direction turns by degrees from place to place; the smooth face's bevel angle lies within 3 u everywhere."""
     inspection, truth = inspected(seed, roughness_mm)
     at = np.array([section.origin_mm for section in inspection.sections])
-    off = np.array([section.bevel_deg for section in inspection.sections]) - truth.bevel_deg_at(at)
-    u = np.array([section.bevel_u_deg for section in inspection.sections])
+    off = np.array([section.values["bevel_deg"] for section in inspection.sections]) - truth.bevel_deg_at(at)
+    u = np.array([section.values["bevel_u_deg"] for section in inspection.sections])
     assert np.abs(off / u).max() < 3.0
     assert np.median(u) < 12.0 * roughness_mm  # deg: no more than its waves can turn a face of 1.5 mm
-    root = np.array([section.root_mm for section in inspection.sections]) - truth.root_mm_at(at)
-    assert np.abs(root / np.array([section.root_u_mm for section in inspection.sections])).max() < 3.0
+    root = np.array([section.values["root_mm"] for section in inspection.sections]) - truth.root_mm_at(at)
+    assert np.abs(root / np.array([section.values["root_u_mm"] for section in inspection.sections])).max() < 3.0
 
 
 def test_beside_burrs_a_rough_face_is_known_as_well() -> None:
@@ -49,9 +49,10 @@ def test_beside_burrs_a_rough_face_is_known_as_well() -> None:
     ]
     inspection, truth = inspected(102, 0.2, *burrs)
     for section in inspection.sections:
-        assert abs(section.bevel_deg - truth.bevel_deg_at(section.origin_mm)) < 3.0 * section.bevel_u_deg
+        found = section.sizes["bevel_deg"]
+        assert abs(found.value - truth.bevel_deg_at(section.origin_mm)) < 3.0 * found.u
 
 
 def test_a_smooth_face_has_no_such_u() -> None:
     inspection, _ = inspected(104, 0.0)
-    assert max(section.bevel_u_deg for section in inspection.sections) < 0.1
+    assert max(section.values["bevel_u_deg"] for section in inspection.sections) < 0.1

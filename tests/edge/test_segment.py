@@ -79,6 +79,6 @@ def test_passes_tell_together_which_face_is_the_root_face() -> None:
     found = sections(segment(denoise(fuse(part.recording)), root_nominal_mm=0.83), root_nominal_mm=0.83).sections
     assert len(found) == 9
     for one in found:
-        assert one.root_mm is not None
-        assert one.root_u_mm is not None
-        assert abs(one.root_mm - 0.69) < 3 * one.root_u_mm < 0.06
+        assert one.values["root_mm"] is not None
+        assert one.values["root_u_mm"] is not None
+        assert abs(one.values["root_mm"] - 0.69) < 3 * one.values["root_u_mm"] < 0.06

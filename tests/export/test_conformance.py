@@ -23,7 +23,7 @@ RECORDING = ROOT / "data" / "synthetic" / "milled_edge.h5"
 def test_tables_are_read(name: str, inspected, provenance) -> None:
     library = pytest.importorskip(name, reason=f"{name} is not installed")
     made = {kind: export_inspection(inspected.inspection, provenance, format=kind) for kind in ("parquet", "csv")}
-    told = [one.root_mm for one in inspected.inspection.sections]
+    told = [one.values["root_mm"] for one in inspected.inspection.sections]
     for kind, document in made.items():
         table = getattr(library, f"read_{kind}")(io.BytesIO(document.content))
         assert table["root_mm"].to_list() == pytest.approx(told, nan_ok=True)

@@ -22,7 +22,6 @@ from workbench.artefacts import (
     Document,
     EdgeProfile,
     GrooveInspection,
-    GrooveSection,
     Inspection,
     JointInspection,
     Part,
@@ -87,12 +86,10 @@ def bevel(kind: str) -> Inspection:
     nothing = np.empty(0)
     places = []
     for k in range(3):
-        told = sizes(Inspection.terms, kind, k)
-        values = [float(x) if np.isfinite(x) else None for one in told.values() for x in (one.value, one.u)]
         verdict = kind if kind in ("pass", "fail") else "undecided"
-        of = {name: {source: float(u) for source, u in one.u_by_source.items()} for name, one in told.items()}
+        told = sizes(Inspection.terms, kind, k)
         places.append(
-            Section(k + 1, 5.0 * k, 10.0 * k * AXES[0], *AXES, *values, verdict, REASON, np.arange(2), of)  # type: ignore[arg-type]
+            Section(k + 1, 5.0 * k, 10.0 * k * AXES[0], *AXES, told, verdict, REASON, np.arange(2))  # type: ignore[arg-type]
         )
     wanted = Requirements(
         nominal(Inspection.terms, "root_mm"), TOLERANCE, nominal(Inspection.terms, "bevel_deg"), TOLERANCE
@@ -113,16 +110,16 @@ def joint(made: type[GrooveInspection | PreparationInspection], shape: str, kind
     for name in made.terms if kind != "nothing required" else ():
         wanted |= {name: nominal(made.terms, name), named(name, "tolerance"): list(TOLERANCE)}
     places = tuple(
-        GrooveSection(
+        Section(
             k + 1,
             5.0 * k,
             10.0 * k * AXES[0],
             *AXES,
             sizes(made.terms, kind, k),
-            corners,
-            verdict,
+            verdict,  # type: ignore[arg-type]
             kind,
-            np.arange(2),  # type: ignore[arg-type]
+            np.arange(2),
+            corners,
         )
         for k in range(3)
     )
@@ -135,7 +132,7 @@ def joint(made: type[GrooveInspection | PreparationInspection], shape: str, kind
         guard_factor=1.645,
         verdict=verdict,  # type: ignore[arg-type]
         reason=kind,
-        uncertainty=Uncertainty(not_included=(Unseen("one", "One thing."), Unseen("two", "Another.", 0.1, 0.0))),
+        uncertainty=Uncertainty(not_included=(Unseen("one", "One thing."), Unseen("two", "Another.", {"gap_mm": 0.1}))),
         part=Part(part_id="A", recorded_at="2026-03-31"),
     )
 
@@ -248,7 +245,7 @@ def from_dxf(inspection: JointInspection) -> Found:
     names = {words[0].lower(): name for name, words in inspection.terms.items()}
     for section in inspection.sections:
         block = drawing.blocks.get(f"section_{section.index}")
-        known = isinstance(section, GrooveSection) or section.root_mm is not None
+        known = bool(section.corners) or section.root_and_bevel is not None
         assert bool(block.query('LINE[layer=="fit"]')) is bool(block.query("CIRCLE")) is known
         told = {}
         for text in [one.dxf.text for one in block.query("TEXT")][1:]:
@@ -311,9 +308,7 @@ def test_a_gauge_study_takes_the_files_of_every_joint(what: str, tmp_path: Path)
     for k in range(3):
         made = JOINTS[what]("pass")
         moved = tuple(
-            replace(one, root_mm=one.root_mm + 0.01 * k)  # type: ignore[operator]
-            if isinstance(one, Section)
-            else replace(one, sizes={n: replace(q, value=q.value + 0.01 * k) for n, q in one.sizes.items()})
+            replace(one, sizes={n: replace(q, value=q.value + 0.01 * k) for n, q in one.sizes.items()})
             for one in made.sections
         )
         ((name, content),) = files_of(replace(made, sections=moved)).items()  # type: ignore[type-var]

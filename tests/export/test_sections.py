@@ -34,16 +34,16 @@ def test_a_block_a_section_with_lines_of_its_values(drawing, inspected):
     for section in inspected.inspection.sections:
         block = drawing.blocks.get(f"section_{section.index}")
         lines = block.query('LINE[layer=="fit"]')
-        if section.root_mm is None:
+        if section.values["root_mm"] is None:
             assert not lines
             continue
         root, bevel = lines
-        assert math.isclose((root.dxf.end - root.dxf.start).magnitude, section.root_mm, abs_tol=1e-9)
+        assert math.isclose((root.dxf.end - root.dxf.start).magnitude, section.values["root_mm"], abs_tol=1e-9)
         angle = (root.dxf.end - root.dxf.start).angle_between(bevel.dxf.end - bevel.dxf.start)
-        assert math.isclose(math.degrees(angle), section.bevel_deg, abs_tol=1e-6)
+        assert math.isclose(math.degrees(angle), section.values["bevel_deg"], abs_tol=1e-6)
         measured = [d.get_measurement() for d in block.query("DIMENSION")]
-        assert np.allclose(measured, [section.root_mm, section.bevel_deg], atol=1e-6)
-        assert f"root face {section.root_mm:.3f} mm" in " ".join(t.dxf.text for t in block.query("TEXT"))
+        assert np.allclose(measured, [section.values["root_mm"], section.values["bevel_deg"]], atol=1e-6)
+        assert f"root face {section.values['root_mm']:.3f} mm" in " ".join(t.dxf.text for t in block.query("TEXT"))
 
 
 def test_points_lie_on_the_lines(drawing, inspected):
@@ -51,13 +51,13 @@ def test_points_lie_on_the_lines(drawing, inspected):
         block = drawing.blocks.get(f"section_{section.index}")
         on_root = np.array([[p.dxf.location.x, p.dxf.location.y] for p in block.query('POINT[layer=="root face"]')])
         on_bevel = np.array([[p.dxf.location.x, p.dxf.location.y] for p in block.query('POINT[layer=="bevel face"]')])
-        if section.root_mm is None or not len(on_root):
+        if section.values["root_mm"] is None or not len(on_root):
             continue
         assert np.abs(on_root[:, 0]).mean() < 0.05
-        beta = math.radians(section.bevel_deg)
-        off = (on_bevel - [0.0, section.root_mm]) @ [math.cos(beta), math.sin(beta)]
+        beta = math.radians(section.values["bevel_deg"])
+        off = (on_bevel - [0.0, section.values["root_mm"]]) @ [math.cos(beta), math.sin(beta)]
         assert np.abs(off).mean() < 0.05
-        assert on_bevel[:, 1].min() > section.root_mm - 0.1
+        assert on_bevel[:, 1].min() > section.values["root_mm"] - 0.1
 
 
 def test_rows_say_the_same_in_the_base(inspected):
@@ -73,5 +73,5 @@ def test_rows_say_the_same_in_the_base(inspected):
         assert abs(off @ s.normal - float(row["normal_mm"])) < 2e-6
         assert abs(off @ s.across - float(row["across_mm"])) < 2e-6
         assert abs(off @ s.tangent) < 0.15 + 1e-6
-    measured = [s for s in inspected.inspection.sections if s.root_mm is not None]
+    measured = [s for s in inspected.inspection.sections if s.values["root_mm"] is not None]
     assert [row["kind"] for row in rows].count("upper_edge") == len(measured)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.conftest import bevel_sizes
 from workbench.artefacts import EdgeProfile, Inspection, Requirements, Section, Verdict
 from workbench.errors import InputError
 from workbench.inspect import gate
@@ -40,7 +41,9 @@ def test_who_accepts_the_undecided_is_told_so() -> None:
 def test_what_was_not_measured_is_not_judged(u_mm: float | None, words: str) -> None:
     at = np.zeros(3)
     value = None if u_mm is None else 5.8
-    one = Section(1, 10.0, at, at, at, at, value, u_mm, value, u_mm and 0.1, "undecided", "", np.empty(0, int))
+    one = Section(
+        1, 10.0, at, at, at, at, bevel_sizes(value, u_mm, value, u_mm and 0.1), "undecided", "", np.empty(0, int)
+    )
     with pytest.raises(InputError, match=words):
         gate(replace(inspection("undecided"), sections=(one,)))
 
@@ -51,7 +54,7 @@ def measured(root_u_mm: float | None, bevel_u_deg: float | None, **tolerances: t
 
     def section(times: float) -> Section:
         us = [None if u is None else times * u for u in (root_u_mm, bevel_u_deg)]
-        return Section(1, 10.0, at, at, at, at, 1.5, us[0], 40.0, us[1], "pass", "", np.empty(0, int))
+        return Section(1, 10.0, at, at, at, at, bevel_sizes(1.5, us[0], 40.0, us[1]), "pass", "", np.empty(0, int))
 
     required = replace(Requirements(), **tolerances)
     return replace(inspection("pass"), sections=(section(1.0), section(1.0), section(10.0)), requirements=required)

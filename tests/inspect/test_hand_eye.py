@@ -29,9 +29,9 @@ def deviations(seed: int) -> tuple[Float, Float, Float]:
     errors, blind, aware = [], [], []
     for each, covariance in ((blind, None), (aware, np.diag([0.01] * 3 + [SIGMA**2] * 3))):
         for section in sections(segment(dataclasses.replace(cloud, hand_eye_covariance=covariance))).sections:
-            if section.bevel_deg is not None and section.bevel_u_deg is not None:
-                each.append(section.bevel_u_deg)
-                errors.append(section.bevel_deg - float(truth.bevel_deg_at(section.origin_mm)))
+            if section.values["bevel_deg"] is not None and section.values["bevel_u_deg"] is not None:
+                each.append(section.values["bevel_u_deg"])
+                errors.append(section.values["bevel_deg"] - float(truth.bevel_deg_at(section.origin_mm)))
     return np.array(errors[: len(blind)]), np.array(aware), np.array(blind)
 
 

@@ -34,7 +34,7 @@ def test_sections_lie_in_the_middle_of_equal_parts(edge: Maker, count: int) -> N
 def test_hidden_sections_stay_without_values_and_undecided(edge: Maker) -> None:
     made = sections(edge(hidden_mm=(41.1, 51.7)), sections=9)
     hidden = made.sections[4]
-    assert (hidden.root_mm, hidden.root_u_mm, hidden.bevel_deg, hidden.bevel_u_deg) == (None,) * 4
+    assert set(hidden.values.values()) == {None}
     assert (hidden.verdict, hidden.frames.size) == ("undecided", 0)
     assert "hidden" in hidden.reason
     np.testing.assert_allclose(hidden.origin_mm, [145, 20, 30], rtol=0, atol=1e-9)  # where it would be
@@ -88,7 +88,7 @@ def test_requirements_and_guard_band_are_the_callers(edge: Maker) -> None:
     assert (made.requirements.root_nominal_mm, made.requirements.root_tolerance_mm) == (2.5, (-0.2, 0.0))
     assert made.guard_factor == 1.645
     assert sections(part).verdict == "fail"
-    u = made.sections[0].root_u_mm
+    u = made.sections[0].values["root_u_mm"]
     assert u is not None
     narrow = {**own, "root_tolerance_mm": (-0.1 - 3 * u, 0.0)}
     assert sections(part, **narrow, guard_factor=0.0).verdict == "pass"
@@ -131,10 +131,10 @@ def test_a_section_states_the_values_and_the_u_at_its_place(edge: Maker) -> None
     )
     made = sections(replace(part, bevel=bevel), sections=3)
     for one, s in zip(made.sections, [15.0, 45.0, 75.0], strict=True):
-        assert one.root_mm == pytest.approx(1.5 + s / 900.0)
-        assert one.root_u_mm == pytest.approx(np.hypot(0.003 + 0.006 * s / 90.0, 0.004))
-        assert one.bevel_u_deg == pytest.approx(np.hypot(0.3 - 0.2 * s / 90.0, 0.2))
-        assert one.bevel_deg == pytest.approx(39.5 + s / 90.0)
+        assert one.values["root_mm"] == pytest.approx(1.5 + s / 900.0)
+        assert one.values["root_u_mm"] == pytest.approx(np.hypot(0.003 + 0.006 * s / 90.0, 0.004))
+        assert one.values["bevel_u_deg"] == pytest.approx(np.hypot(0.3 - 0.2 * s / 90.0, 0.2))
+        assert one.values["bevel_deg"] == pytest.approx(39.5 + s / 90.0)
     for stated, size in ((made.profile.root_mm, part.root), (made.profile.bevel_deg, part.bevel)):
         np.testing.assert_array_equal(stated, size.value)
     told = {row["name"]: (row["root_u_mm"], row["bevel_u_deg"]) for row in made.sources}
@@ -162,7 +162,7 @@ def test_the_profile_states_what_each_source_adds_in_degrees_where_the_edge_is_s
 )
 def test_what_a_bevel_can_have(edge: Maker, root: float, bevel_deg: float, measured: bool) -> None:
     made = sections(edge(root=lambda s: root + 0 * s, bevel=lambda s: bevel_deg + 0 * s))
-    assert all((one.root_mm is not None) is (one.bevel_deg is not None) is measured for one in made.sections)
+    assert {bool(np.isfinite(size.value)) for one in made.sections for size in one.sizes.values()} == {measured}
     assert measured or made.verdict == "undecided"
     assert any("that no bevel has" in warning for warning in made.warnings) is not measured
 
@@ -178,8 +178,8 @@ def test_where_what_is_no_bevel_lies_and_where_it_fails_between_sections_is_told
     assert both.warnings == ()
 
 
-LOST = Unseen("lost_columns", "A lost column.", 0.07, 0.0)
-LAYER = Unseen("layer", "A layer.", 0.001, 0.0)
+LOST = Unseen("lost_columns", "A lost column.", {"root_mm": 0.07, "bevel_deg": 0.0})
+LAYER = Unseen("layer", "A layer.", {"root_mm": 0.001})
 STOP = Unseen("lies_on", "A stop looks alike.", is_doubt=True)
 
 
@@ -188,7 +188,7 @@ def test_what_is_not_included_is_what_may_cost_more_than_u(edge: Maker) -> None:
     assert found.uncertainty.not_included == (LOST,)
     assert found.verdict == "pass"
     assert found.conditions == ()
-    cheap = sections(replace(edge(), unseen=(LAYER, replace(LAYER, root_mm=0.0005))))
+    cheap = sections(replace(edge(), unseen=(LAYER, replace(LAYER, costs={"root_mm": 0.0005}))))
     assert cheap.uncertainty.not_included == (LAYER,)
 
 

@@ -16,6 +16,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import workbench.report
+from tests.conftest import bevel_sizes
 from workbench.artefacts import (
     BEVEL_FACE,
     ROOT_FACE,
@@ -138,7 +139,7 @@ def sections_of(count, radius_mm, s_seen, clamp, verdict_of):
         reason = "the edge is hidden here" if hidden else ""
         with np.errstate(invalid="ignore"):
             frames = np.flatnonzero(np.abs(s_seen - s) < 2.0)
-        yield Section(i + 1, s, position, tangent, normal, across, *values, verdict, reason, frames)
+        yield Section(i + 1, s, position, tangent, normal, across, bevel_sizes(*values), verdict, reason, frames)
 
 
 def edge_of(kind, **known):

@@ -8,7 +8,7 @@ import re
 import pytest
 
 from tests.report.conftest import text_of
-from workbench.artefacts import Chapter, Check, Part
+from workbench.artefacts import Chapter, Check, Part, Quantity
 from workbench.errors import PipelineError
 from workbench.report import html, inspection
 
@@ -68,9 +68,12 @@ def test_a_calibration_has_its_age_at_the_recording(day, of, text, elements):
 
 def test_the_budget_ends_in_the_largest_section(part, quick, drawn):
     p = part(frames=60, columns=80)
-    u = max(s.root_u_mm for s in p.inspection.sections if s.root_u_mm is not None)
+    u = max(s.values["root_u_mm"] for s in p.inspection.sections if s.values["root_u_mm"] is not None)
     by = {"root_mm": {"faces: tilt": 0.6 * u, "other ends": 0.8 * u}, "bevel_deg": {"other ends": 0.02}}
-    told = tuple(dataclasses.replace(s, u_by_source=by) if s.root_mm is not None else s for s in p.inspection.sections)
+    told = tuple(
+        dataclasses.replace(s, sizes={name: Quantity.of(name, q.value, by[name]) for name, q in s.sizes.items()})
+        for s in p.inspection.sections
+    )
     text = text_of(inspection(p.cloud, p.edge, dataclasses.replace(p.inspection, sections=told)))
     number = r"([\d.]+)"
     tilt, ends = re.search(rf"faces: tilt A {number} – other ends B {number}", text).groups()

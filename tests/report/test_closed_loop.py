@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.conftest import bevel_sizes
 from tests.report.conftest import make_part, path_by_formula, text_of
 from workbench.artefacts import Engagement, LayerEngagement, Rework, Stretch
 from workbench.errors import InputError
@@ -51,7 +52,8 @@ def test_a_path_that_is_off_shows_in_its_sections(part, by_formula):
 @settings(max_examples=60)
 def test_values_are_written_as_well_as_they_are_known(inspected, root, expanded):
     """U to 5 %, a value to the same place, a deviation with its sign unless it rounds to nothing."""
-    one = dataclasses.replace(inspected.sections[0], root_mm=root, root_u_mm=expanded / 2)
+    sizes = bevel_sizes(root, expanded / 2, 40.0, 0.02)
+    one = dataclasses.replace(inspected.sections[0], sizes=sizes)
     chapter = closed_loop(dataclasses.replace(inspected, sections=(one,)), PATH)
     ((value, told, apart),) = re.findall(r" 1 11\.1 \S+ (\S+) ± (\S+) (\S+) ", text_of(chapter))
     places = len(value.partition(".")[2])
@@ -66,15 +68,15 @@ def test_values_are_written_as_well_as_they_are_known(inspected, root, expanded)
 def test_asked_planned_and_measured_stand_in_the_chapter(part, by_formula):
     inspection = part(frames=50, columns=50).inspection
     chapter = closed_loop(inspection, by_formula(), Rework(None, (), (), "nothing to rework"))
-    first, text = inspection.sections[0], text_of(chapter)
-    root = [s.root_mm for s in inspection.sections if s.root_mm is not None]
-    bevel = [s.bevel_deg for s in inspection.sections if s.bevel_deg is not None]
+    text = text_of(chapter)
+    root = [s.values["root_mm"] for s in inspection.sections if s.values["root_mm"] is not None]
+    bevel = [s.values["bevel_deg"] for s in inspection.sections if s.values["bevel_deg"] is not None]
     assert (chapter.title, chapter.verdict, chapter.part.part_id) == ("Closed loop", "pass", "B-17")
     assert chapter.summary == (
         f"root face {min(root):.3f} to {max(root):.3f} mm (required 1.5 mm), "
         f"bevel angle {min(bevel):.2f} to {max(bevel):.2f}° (required 40°); nothing to rework"
     )
-    assert f"1 11.1 1.500 {first.root_mm:.4f} ± 0.0062 {first.root_mm - 1.5:+.3f} 40.00" in text
+    assert f"1 11.1 1.500 {root[0]:.4f} ± 0.0062 {root[0] - 1.5:+.3f} 40.00" in text
     assert "5 100.0 – – – – – –" in text
     assert "Nothing to rework." in text
     assert "Milled in simulation" not in text

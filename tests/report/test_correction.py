@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tests.conftest import bevel_sizes
 from workbench.artefacts import Check, EdgeProfile, Inspection, PathCorrection, PathDeflection, Requirements, Section
 from workbench.report import correction
 from workbench.units import DEG
@@ -43,7 +44,8 @@ def part(root_mm: float, verdict: str) -> Inspection:
     full = np.ones(61)
     profile = EdgeProfile(s, np.zeros((61, 3)), full * root_mm, 0.01 * full, 40.0 * full, 0.03 * full)
     axes = np.eye(3)
-    section = Section(1, 30.0, np.zeros(3), *axes, root_mm, 0.01, 40.0, 0.03, verdict, "", np.arange(3))  # type: ignore[arg-type]
+    sizes = bevel_sizes(root_mm, 0.01, 40.0, 0.03)
+    section = Section(1, 30.0, np.zeros(3), *axes, sizes, verdict, "", np.arange(3))  # type: ignore[arg-type]
     return Inspection((section,), profile, Requirements(), 1.645, verdict, "", "whole edge")  # type: ignore[arg-type]
 
 

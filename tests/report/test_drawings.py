@@ -65,14 +65,14 @@ def test_sections_show_the_points_on_their_lines(part, drawn, quick, radius_mm):
     for axes, section in zip(shown, p.inspection.sections, strict=True):
         assert axes.equal
         texts = [text.text for text in axes.texts]
-        if section.root_mm is None:
+        if section.values["root_mm"] is None:
             assert "the edge is hidden here" in texts
             continue
-        assert f"{section.root_mm:.4f} ± 0.0062 mm" in texts
-        assert f"({section.bevel_deg:.3f} ± 0.042)°" in texts
+        assert f"{section.values['root_mm']:.4f} ± 0.0062 mm" in texts
+        assert f"({section.values['bevel_deg']:.3f} ± 0.042)°" in texts
         root, bevel = (line.xy for line in axes.lines[:2])
-        beta = np.radians(section.bevel_deg)
-        off = np.cos(beta) * bevel[:, 0] + np.sin(beta) * (bevel[:, 1] - section.root_mm)
+        beta = np.radians(section.values["bevel_deg"])
+        off = np.cos(beta) * bevel[:, 0] + np.sin(beta) * (bevel[:, 1] - section.values["root_mm"])
         for distance in (root[:, 0], off):
             assert len(distance) > 20
             assert np.sqrt(np.mean(distance**2)) < 0.02

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests.conftest import bevel_sizes
 from workbench.errors import InputError
 from workbench.report import html, inspection
 
@@ -54,9 +55,9 @@ def test_every_picture_opens_and_shows_something(page):
 def test_values_and_verdicts_stand_in_the_page(small, page):
     text = re.sub(r"\s+", " ", page.text)
     for section in small.inspection.sections:
-        if section.root_mm is not None:
-            assert f"{section.root_mm:.4f} ± 0.0062" in text
-            assert f"{section.bevel_deg:.3f} ± 0.042" in text
+        if section.values["root_mm"] is not None:
+            assert f"{section.values['root_mm']:.4f} ± 0.0062" in text
+            assert f"{section.values['bevel_deg']:.3f} ± 0.042" in text
     assert "Nonconformity with the specification is verified." in text
     assert "1.0 to 2.0 mm" in text
     assert "39 to 41°" in text
@@ -89,7 +90,7 @@ def test_unusual_parts_are_reported_too(part, variant, quick):
 
 def test_a_part_that_is_hidden_in_all_sections_is_drawn(part):
     p = part(frames=60, columns=60)
-    nothing = dict.fromkeys(("root_mm", "root_u_mm", "bevel_deg", "bevel_u_deg"))
+    nothing = {"sizes": bevel_sizes(*[None] * 4)}
     hidden = tuple(dataclasses.replace(s, **nothing, frames=np.arange(0)) for s in p.inspection.sections)
     measured = dataclasses.replace(p.inspection, sections=hidden, verdict="undecided")
     assert inspection(p.cloud, p.edge, measured).verdict == "undecided"

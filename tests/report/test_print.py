@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from workbench.artefacts import Part, Uncertainty, Unseen
+from workbench.artefacts import Part, Term, Uncertainty, Unseen
 from workbench.batch.fleet import MOST_PARTS
 from workbench.batch.fleet import page as fleet_page
 from workbench.batch.part import Record
@@ -54,13 +54,16 @@ CONTRAST = """() => {
 def loop_page(part, planned, by_formula, provenance):
     """A closed loop's page with everything that can be long on its first page."""
     made, raw = part(frames=120, columns=120, verdict="fail", sections=30), planned(frames=60, columns=60)
-    sources = {f"source of uncertainty number {k}, told in words": 0.001 for k in range(7)}
+    names = [f"source of uncertainty number {k}, told in words" for k in range(7)]
+    terms = tuple(Term(name, "A", 0.001) for name in names)
     told = Uncertainty(
-        not_included=tuple(Unseen(f"{k}", f"{k}: what is not included, in a sentence.", 0.1, 0.1) for k in range(5))
+        not_included=tuple(
+            Unseen(f"{k}", f"{k}: what is not included, in a sentence.", {"root_mm": 0.1}) for k in range(5)
+        )
     )
     who = Part(part_id=LONG, sensor=LONG, robot=LONG, hand_eye=LONG, simulated=True)
     sections = tuple(
-        dataclasses.replace(one, u_by_source={"root_mm": sources, "bevel_deg": sources})
+        dataclasses.replace(one, sizes={name: dataclasses.replace(q, terms=terms) for name, q in one.sizes.items()})
         for one in made.inspection.sections
     )
     measured = dataclasses.replace(made.inspection, sections=sections, uncertainty=told, part=who, reason=LONG)

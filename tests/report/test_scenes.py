@@ -135,9 +135,9 @@ def test_fitted_lines_go_along_the_root_face_and_up_the_bevel(dense, scene):
     (lines,) = [one.lines_mm for one in scene.strokes if one.name == "fitted lines of the sections"]
     for line, s in zip(lines, dense.inspection.sections, strict=True):
         u, v = ((line - s.origin_mm) @ one for one in (s.normal, s.across))
-        np.testing.assert_allclose((u[:2], v[:2]), [(0.0, 0.0), (0.0, s.root_mm)], atol=1e-9)
+        np.testing.assert_allclose((u[:2], v[:2]), [(0.0, 0.0), (0.0, s.values["root_mm"])], atol=1e-9)
         assert v[2] == pytest.approx(10.0, abs=0.1)  # the upper surface
-        assert u[2] == pytest.approx(-(v[2] - s.root_mm) * np.tan(s.bevel_deg * DEG))
+        assert u[2] == pytest.approx(-(v[2] - s.values["root_mm"]) * np.tan(s.values["bevel_deg"] * DEG))
 
 
 def test_what_was_not_measured_has_no_deviation(part, quick):

@@ -170,7 +170,7 @@ def test_an_inspection_says_how_well_a_cut_is_measured(tmp_path: Path, told: Any
     found = sections(segment(fuse(read(recording=ROOT / "data" / "synthetic" / "milled_edge.h5"))))
     path = tmp_path / "inspection.json"
     path.write_bytes(files_of(found)["inspection.json"])
-    u = np.array([(one.root_u_mm, one.bevel_u_deg) for one in found.sections], float)
+    u = np.array([(one.values["root_u_mm"], one.values["bevel_u_deg"]) for one in found.sections], float)
     link = by_name(told(inspection=path))["measurement of the cut"]
     root, bevel = np.sqrt(np.mean(u**2, axis=0))
     assert link["along_b_u_mm"] == pytest.approx(root * math.sin(math.radians(40.0)))

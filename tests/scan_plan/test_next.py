@@ -57,7 +57,7 @@ def test_the_proposed_pass_decides_what_it_was_said_to() -> None:
     assert {verdicts[k] for k in proposal["decided_by_it"]} <= {"pass", "fail"}
     decided = sum(verdicts[k] != "undecided" for k in proposal["undecided_sections"])
     assert decided == pytest.approx(sum(proposal["probability"]), abs=2.0)
-    u = [2.0 * one.root_u_mm for one in after.sections if one.root_u_mm is not None]
+    u = [2.0 * one.values["root_u_mm"] for one in after.sections if one.values["root_u_mm"] is not None]
     assert np.median(u) == pytest.approx(proposal["predicted_root_U_mm"], rel=0.5)
 
 
@@ -120,7 +120,7 @@ def test_what_a_sensor_file_leaves_open_is_the_recording_s(tmp_path: Path) -> No
 
 def test_a_pass_that_decides_nothing_is_not_called_the_next_scan() -> None:
     cloud, edge = scanned(42.0, -25.0)
-    sizes = [one.root_mm for one in sections(edge).sections if one.root_mm is not None]
+    sizes = [one.values["root_mm"] for one in sections(edge).sections if one.values["root_mm"] is not None]
     at_limit = sections(edge, root_nominal_mm=1.5, root_tolerance_mm=(min(sizes) - 1.5, 0.5))
     assert at_limit.verdict == "undecided"
     (chapter,) = next_(cloud, edge, at_limit)

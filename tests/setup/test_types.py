@@ -19,7 +19,7 @@ cloud = scan.fuse(recording, hand_eye="handeye.json")
 reveal_type(cloud)
 found = inspect.sections(edge.segment(cloud))
 reveal_type(found)
-reveal_type(found.sections[0].root_mm)
+reveal_type(found.sections[0].values["root_mm"])
 scan.fuse("no recording")
 calibrate.hand_eye("no profiles", recording)
 """

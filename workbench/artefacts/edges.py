@@ -214,7 +214,7 @@ class JointInspection(ABC):
     FORMAT: ClassVar[str]  # of its result file
     WHAT: ClassVar[str]  # in words
     terms: ClassVar[Mapping[str, tuple[str, str]]]  # of each size: term and letter
-    sections: tuple[Any, ...]
+    sections: tuple[Section, ...]
     guard_factor: float
     verdict: Verdict
     reason: str
@@ -304,44 +304,47 @@ def sizes_in_file(sizes: Mapping[str, Quantity]) -> dict[str, float | None]:
     return found
 
 
+CHAIN = ("upper", "middle", "root", "lower")  # corners of a plate, from its upper surface down
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Section:
-    """One inspected section. Values are None where the edge is hidden; `verdict` is then 'undecided'."""
+    """One inspected section: values, standard uncertainties and corners, as in the result files."""
 
     index: int  # from 1
     arc_length_mm: float
-    origin_mm: Shaped[Float, " 3"]  # on the lower edge
+    origin_mm: Shaped[Float, " 3"]  # of a plate on the lower edge
     tangent: Shaped[Float, " 3"]  # unit, normal of the section plane
     normal: Shaped[Float, " 3"]  # unit, n
     across: Shaped[Float, " 3"]  # unit, m
-    root_mm: float | None
-    root_u_mm: float | None
-    bevel_deg: float | None
-    bevel_u_deg: float | None
+    sizes: Mapping[str, Quantity]  # () each; NaN where they were not measured
     verdict: Verdict
     reason: str
     frames: Int  # indices of the frames that it rests on
-    u_by_source: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # by size; {}: not told
-
-    @property
-    def sizes(self) -> dict[str, Quantity]:
-        """Root face and bevel angle; NaN where they were not measured."""
-        return {
-            name: Quantity.of(
-                name,
-                np.nan if value is None or u is None else value,
-                self.u_by_source.get(name, {"as stated": np.nan if u is None else u}),
-            )
-            for name, value, u in (
-                ("root_mm", self.root_mm, self.root_u_mm),
-                ("bevel_deg", self.bevel_deg, self.bevel_u_deg),
-            )
-        }
+    corners: tuple[Mapping[str, Any], ...] = ()  # of a joint
 
     @property
     def values(self) -> dict[str, float | None]:
-        """As in `inspection.json`."""
+        """Sizes and their u, as in the result files; None: not measured."""
         return sizes_in_file(self.sizes)
+
+    @property
+    def root_and_bevel(self) -> tuple[float, float] | None:
+        """Root face, mm, and bevel angle, degrees, of a milled bevel; None: not measured."""
+        root, bevel = (self.values.get(name) for name in BEVEL_TERMS)
+        return None if root is None or bevel is None else (root, bevel)
+
+    @property
+    def places(self) -> dict[str, Float]:
+        """The corners that were seen, (2,) each along `normal` and `across` from the origin, mm."""
+        return {one["name"]: np.array(one["section_mm"]) for one in self.corners}
+
+    @property
+    def chains(self) -> tuple[Float, ...]:
+        """The faces as chains of corners (k, 2), one a plate, from its upper surface down; none of a fillet's flank."""
+        corner, below = self.places, 1 if "root_radius_mm" in self.sizes else 0
+        sides = ([corner[s + each] for each in CHAIN[below:] if s + each in corner] for s in ("left_", "right_", ""))
+        return tuple(np.array(chain) for chain in sides if len(chain) > 1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -513,43 +516,6 @@ class Preparation(Joint):
     alternatives: tuple[PreparationType, ...] = ()
 
 
-CHAIN = ("upper", "middle", "root", "lower")  # corners of a plate, from its upper surface down
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class GrooveSection:
-    """One section of a joint: values, standard uncertainties and corners, as in `groove.json`."""
-
-    index: int
-    arc_length_mm: float
-    origin_mm: Shaped[Float, " 3"]
-    tangent: Float
-    normal: Float
-    across: Float
-    sizes: Mapping[str, Quantity]  # () each; NaN where they were not measured
-    corners: tuple[Mapping[str, Any], ...]
-    verdict: Verdict
-    reason: str
-    frames: Int  # indices of the frames near it
-
-    @property
-    def values(self) -> dict[str, float | None]:
-        """Sizes and their u, as in `groove.json`."""
-        return sizes_in_file(self.sizes)
-
-    @property
-    def places(self) -> dict[str, Float]:
-        """The corners that were seen, (2,) each along `normal` and `across` from the origin, mm."""
-        return {one["name"]: np.array(one["section_mm"]) for one in self.corners}
-
-    @property
-    def chains(self) -> tuple[Float, ...]:
-        """The faces as chains of corners (k, 2), one a plate, from its upper surface down; none of a fillet's flank."""
-        corner, below = self.places, 1 if "root_radius_mm" in self.sizes else 0
-        sides = ([corner[s + each] for each in CHAIN[below:] if s + each in corner] for s in ("left_", "right_", ""))
-        return tuple(np.array(chain) for chain in sides if len(chain) > 1)
-
-
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RecognisedInspection(JointInspection):
     """Of a joint whose type was recognised or declared."""
@@ -557,7 +523,7 @@ class RecognisedInspection(JointInspection):
     type: str
     alternatives: tuple[str, ...]
     declared: bool
-    sections: tuple[GrooveSection, ...]
+    sections: tuple[Section, ...]
     requirements: Mapping[str, Any]
     guard_factor: float
     verdict: Verdict

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from datetime import date, datetime
 from typing import Any, ClassVar, Literal
 
@@ -25,25 +25,27 @@ UNSEEN = (
 )  # what no recording of a straight edge shows
 
 
+COSTS = {"root_mm": ("root face", "mm"), "bevel_deg": ("bevel angle", "°")}
+COSTS |= {"gap_mm": ("gap", "mm"), "depth_mm": ("depth", "mm")}
+
+
 @dataclass(frozen=True, slots=True)
 class Unseen:
     """What a recording does not show of itself, and what it may cost its values.
 
-    >>> Unseen("clock_offset", "A clock that is 10 ms off.", 0.0021, 0.0).told
+    >>> Unseen("clock_offset", "A clock that is 10 ms off.", {"root_mm": 0.0021, "bevel_deg": 0.0}).told
     'A clock that is 10 ms off (root face 0.0021 mm).'
     """
 
     name: str  # by which a user accepts it
     sentence: str
-    root_mm: float | None = None  # of the root face, or of any length; None: not known
-    bevel_deg: float | None = None  # of the bevel angle, or of any angle
+    costs: Mapping[str, float] = field(default_factory=dict)  # by size, in its unit; none: not known
     is_doubt: bool = False  # of what was measured at all: the verdict rests on it whatever it costs
 
     @property
     def told(self) -> str:
         """The sentence with its sizes."""
-        sizes = (("root face", self.root_mm, "mm"), ("bevel angle", self.bevel_deg, "°"))
-        told = ", ".join(f"{what} {size:.2g} {unit}" for what, size, unit in sizes if size)
+        told = ", ".join(f"{COSTS[name][0]} {cost:.2g} {COSTS[name][1]}" for name, cost in self.costs.items() if cost)
         return f"{self.sentence.rstrip('.')} ({told})." if told else self.sentence
 
 

@@ -87,8 +87,8 @@ def _with_scale(edge: MilledEdge, certificate: Path) -> MilledEdge:
     share = u / SCALE
     return replace(
         edge,
-        root=_with(edge.root, source, share * (cost.root_mm or 0.0)),
-        bevel=_with(edge.bevel, source, share * (cost.bevel_deg or 0.0)),
+        root=_with(edge.root, source, share * cost.costs["root_mm"]),
+        bevel=_with(edge.bevel, source, share * cost.costs["bevel_deg"]),
     )
 
 

@@ -28,8 +28,8 @@ from workbench.geometry.course import shares
 KNIFE = EdgePrior(0.5, 0.5, 0.0, 0.005, 0.05)
 BLUNTED = Unseen(
     "knife_edge",
-    "A rounding of the knife edges by more than 0.05 mm: the view from above hides it, and one of 0.1 mm takes about "
-    "0.15 mm of gap and depth. `edge_condition`: `deburred` has it in u.",
+    "A rounding of the knife edges by 0.1 mm: the view from above hides it. `edge_condition`: `deburred` has it in u.",
+    {"gap_mm": 0.15, "depth_mm": 0.15},
 )
 
 

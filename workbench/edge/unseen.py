@@ -78,8 +78,7 @@ def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge, *, is_sharp
             Unseen(
                 "shadow",
                 f"{away} of {CUT_AWAY_MM:g} mm below the root face, in the shadow that it throws.",
-                CUT_AWAY_MM * (steep if is_sharp else max(steep, 1.0)),
-                0.0,
+                {"root_mm": CUT_AWAY_MM * (steep if is_sharp else max(steep, 1.0)), "bevel_deg": 0.0},
             )
         )
         if ends_in_nothing(cloud.z_mm, tracked.end_column, free):
@@ -89,8 +88,7 @@ def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge, *, is_sharp
                     "lost_columns",
                     f"All along the lower end of the root face, {lost_mm:.2g} mm of it that return nothing (columns "
                     "that the sensor loses, a dark stripe), or a burr in its plane.",
-                    lost_mm,
-                    0.0,
+                    {"root_mm": lost_mm, "bevel_deg": 0.0},
                 )
             )
     if cloud.hand_eye_covariance is None:
@@ -99,24 +97,23 @@ def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge, *, is_sharp
             Unseen(
                 "hand_eye",
                 f"A rotation of {TURN_DEG:g}° of the hand-eye pose in use, which states no uncertainty.",
-                *section.change(turns, root),
+                section.change(turns, root),
             )
         )
     scales = [np.diag([1.0 + SCALE, 1.0, 1.0]), np.diag([1.0, 1.0, 1.0 + SCALE])]
     return (
         *found,
-        Unseen("scale", "An error of 0.1 % of the profiler's scale.", *section.change(scales, root)),
+        Unseen("scale", "An error of 0.1 % of the profiler's scale.", section.change(scales, root)),
         Unseen(
             "clock_offset",
             f"An offset of {1000 * UNSEEN_S:g} ms between the clocks of profiler and robot, which moves values along "
             "the edge.",
-            *_by_clock(cloud, edge),
+            _by_clock(cloud, edge),
         ),
         Unseen(
             "layer",
             f"An even layer of {LAYER_MM:g} mm of paint, scale or coolant.",
-            LAYER_MM * math.tan(0.5 * bevel * DEG),
-            0.0,
+            {"root_mm": LAYER_MM * math.tan(0.5 * bevel * DEG), "bevel_deg": 0.0},
         ),
     )
 
@@ -144,7 +141,7 @@ def by_thickness(
         return left
     told = f"That the root face ends where its returns do: the plate is {thickness_mm:g} mm thick, and that end lies "
     told += f"{found:.3f} mm below its upper surface."
-    return (Unseen("thickness", told, abs(found - thickness_mm), 0.0, is_doubt=True), *left)
+    return (Unseen("thickness", told, {"root_mm": abs(found - thickness_mm), "bevel_deg": 0.0}, is_doubt=True), *left)
 
 
 def ends_in_nothing(z_mm: AnyArray, outwards: Int, here: Bool) -> bool:
@@ -230,30 +227,30 @@ class _Section:
         cosine = (across[0] * across[1]).sum(axis=-1) / (length[0] * length[1])
         return length[0] / np.linalg.norm(lines[0], axis=-1), np.arccos(np.clip(cosine, -1.0, 1.0))
 
-    def change(self, profilers: list[Float], root_mm: float) -> tuple[float, float]:
+    def change(self, profilers: list[Float], root_mm: float) -> dict[str, float]:
         """By how much root face, mm, and bevel angle, deg, change at most where returns are taken through one of these.
 
         profilers: maps (3, 3) of profiler coordinates.
         """
         length, angle = self._before
         after = [self._shape(one) for one in profilers]
-        return (
-            max(root_mm * abs(float(np.median(one / length - 1.0))) for one, _ in after),
-            max(abs(float(np.median(one - angle))) / DEG for _, one in after),
-        )
+        return {
+            "root_mm": max(root_mm * abs(float(np.median(one / length - 1.0))) for one, _ in after),
+            "bevel_deg": max(abs(float(np.median(one - angle))) / DEG for _, one in after),
+        }
 
 
-def _by_clock(cloud: Cloud, edge: MilledEdge) -> tuple[float, float]:
+def _by_clock(cloud: Cloud, edge: MilledEdge) -> dict[str, float]:
     """What values change over the way of UNSEEN_S, where they change fast (95 % of the edge less)."""
     at, time = edge.frame_arc_length_mm, cloud.time_s
     step = np.diff(time)
     speed = np.abs(np.diff(at))[step > 0.0] / step[step > 0.0]
     if not np.isfinite(speed).any():
-        return 0.0, 0.0
+        return {"root_mm": 0.0, "bevel_deg": 0.0}
     way = UNSEEN_S * float(np.nanmedian(speed))
 
     def change(size: Quantity) -> float:
         slope = np.abs(np.gradient(size.value, edge.arc_length_mm))
         return way * float(np.nanpercentile(slope, 95)) if np.isfinite(slope).any() else 0.0
 
-    return change(edge.root), change(edge.bevel)
+    return {one.name: change(one) for one in (edge.root, edge.bevel)}

@@ -17,10 +17,10 @@ from workbench.artefacts import (
     Cloud,
     Document,
     Edge,
-    GrooveSection,
     JointInspection,
     Section,
 )
+from workbench.artefacts.edges import BEVEL_TERMS
 from workbench.export.cloud_stage import PointTable, point_table
 from workbench.extras import Extra
 from workbench.stage import stage
@@ -149,7 +149,7 @@ def _draw(block: Any, shape: SectionShape) -> None:
             block.add_line(start, end, dxfattribs={"layer": "fit"})
     for corner in shape.corners_mm.values():
         block.add_circle(corner.tolist(), CORNER_MM, dxfattribs={"layer": "corners"})
-    if isinstance(shape.section, Section) and shape.lines_mm:
+    if shape.terms is BEVEL_TERMS and shape.lines_mm:
         _dimensions(block, *shape.lines_mm)
     for number, text in enumerate(_texts(shape)):
         block.add_text(text, height=TEXT_MM, dxfattribs={"layer": "text"}).set_placement(
@@ -202,7 +202,7 @@ BEVEL_FALLBACK = 2.0  # times the root face: length of the bevel's line where no
 class SectionShape:
     """A section in its plane: (normal, across), mm, from its origin. Without lines where it was not measured."""
 
-    section: Section | GrooveSection
+    section: Section
     terms: Mapping[str, tuple[str, str]]
     points: PointTable
     place_mm: Shaped[Float, "n 2"]  # of the points
@@ -214,7 +214,7 @@ def section_shape(
     inspection: JointInspection,
     cloud: Cloud,
     edge: Edge | None,
-    section: Section | GrooveSection,
+    section: Section,
     thickness_mm: float,
     reach_mm: float,
 ) -> SectionShape:
@@ -224,12 +224,12 @@ def section_shape(
     place = np.stack([off @ section.normal, off @ section.across], axis=1)
     here = (np.abs(off @ section.tangent) <= 0.5 * thickness_mm) & (np.hypot(*place.T) <= reach_mm)
     table = PointTable(table.position_mm[here], table.face[here], table.frame[here], table.column[here])
-    if isinstance(section, Section):
+    if inspection.terms is BEVEL_TERMS:
         return SectionShape(section, inspection.terms, table, place[here], *_of_bevel(section, table, place[here]))
     return SectionShape(section, inspection.terms, table, place[here], section.places, section.chains)
 
 
-def _frames(cloud: Cloud, edge: Edge | None, section: Section | GrooveSection, window_mm: float) -> Int:
+def _frames(cloud: Cloud, edge: Edge | None, section: Section, window_mm: float) -> Int:
     """Frames whose profiler or edge lies within `window_mm` of the section's plane."""
     if edge is not None:
         return np.flatnonzero(np.abs(edge.frame_arc_length_mm - section.arc_length_mm) <= window_mm)
@@ -238,12 +238,13 @@ def _frames(cloud: Cloud, edge: Edge | None, section: Section | GrooveSection, w
 
 def _of_bevel(section: Section, table: PointTable, place: Float) -> tuple[dict[str, Float], tuple[Float, ...]]:
     """The lines that the section's values say: the root face lies along `across`, the bevel leans from it."""
-    if section.root_mm is None or section.bevel_deg is None:
+    if (sizes := section.root_and_bevel) is None:
         return {}, ()
-    lower, upper = np.zeros(2), np.array([0.0, section.root_mm])
-    up = np.array([-np.sin(section.bevel_deg * DEG), np.cos(section.bevel_deg * DEG)])
+    root, bevel = sizes
+    lower, upper = np.zeros(2), np.array([0.0, root])
+    up = np.array([-np.sin(bevel * DEG), np.cos(bevel * DEG)])
     on_bevel = (place[table.face == BEVEL_FACE] - upper) @ up
-    length = float(on_bevel.max(initial=0.0)) or BEVEL_FALLBACK * section.root_mm
+    length = float(on_bevel.max(initial=0.0)) or BEVEL_FALLBACK * root
     return {"lower_edge": lower, "upper_edge": upper}, (
         np.array([lower, upper]),
         np.array([upper, upper + length * up]),

@@ -12,15 +12,14 @@ from workbench.artefacts import (
     Gate,
     Groove,
     GrooveInspection,
-    GrooveSection,
     Preparation,
     PreparationInspection,
+    Section,
     Unseen,
-    conformity,
 )
 from workbench.artefacts.edges import MOST_OFF, PREPARATION_TERMS, TERMS, Joint, RecognisedInspection, named
 from workbench.errors import InputError, nearest
-from workbench.inspect.verdict import NOTHING_REQUIRED, judged, of_a_joint, provided, reason_of, worst
+from workbench.inspect.verdict import NOTHING_REQUIRED, conditions, judged, of_a_joint, provided, reason_of, worst
 from workbench.stage import stage
 from workbench.units import Float
 
@@ -35,7 +34,6 @@ LEFT_OUT = (
         "cover", "What covers all that is seen of a plate's upper surface, as tape or a sheet: its top is measured."
     ),
 )
-BLUNTED_MM = 0.15  # by which about a rounding of 0.1 mm of a V's knife edges widens its gap and takes of its depth
 LEFT_OUT_OF_PLATES = (
     Unseen("other_side", "What the side that was scanned does not show: bevels below the root face."),
 )
@@ -164,7 +162,7 @@ def _judged(
             type(joint).__name__.lower(), f"none of {len(inspected)} sections could be measured: is this such a joint?"
         )
     verdict, reason = worst(s.verdict for s in inspected), reason_of(inspected, bool(required))
-    rests_on = [one for one in joint.unseen if required and (one.is_doubt or _moves(inspected, required, guard_factor))]
+    rests_on = conditions(joint.unseen, inspected, required, guard_factor)
     verdict, reason, left, told = provided(verdict, reason, rests_on, accepted)
     return {
         "type": joint.type,
@@ -181,18 +179,6 @@ def _judged(
         "warnings": (*joint.warnings, *told),
         "checks": joint.checks,
     }
-
-
-def _moves(
-    sections: tuple[GrooveSection, ...], required: Mapping[str, tuple[float, tuple[float, float]]], guard_factor: float
-) -> bool:
-    """Whether blunted knife edges would move gap or depth of a section out of its limits."""
-    return any(
-        conformity(float(one.value) + off, float(one.u), *required[name], guard_factor) != "pass"
-        for name, off in (("gap_mm", -BLUNTED_MM), ("depth_mm", BLUNTED_MM))
-        for one in (s.sizes.get(name) for s in sections)
-        if name in required and one is not None
-    )
 
 
 @stage("inspect.groove_gate")
@@ -225,7 +211,7 @@ def _section(
     at: float,
     required: Mapping[str, tuple[float, tuple[float, float]]],
     guard_factor: float,
-) -> GrooveSection:
+) -> Section:
     near = _near_seen(joint, at)
     sizes = {
         name: joint.sizes[name].at(at, joint.arc_length_mm).where(np.asarray(near))
@@ -237,7 +223,7 @@ def _section(
         _vector(joint, v, at) for v in (joint.origin_mm, joint.tangent, joint.normal, joint.across)
     )
     corners = tuple(_corner(joint, name, at, origin, normal, across) for name in joint.corners)
-    return GrooveSection(
+    return Section(
         index,
         at,
         origin,
@@ -245,10 +231,10 @@ def _section(
         _unit(normal),
         _unit(across),
         sizes,
-        tuple(one for one in corners if one is not None),
         verdict,
         reason,
         np.flatnonzero(np.abs(joint.frame_arc_length_mm - at) <= NEAR_MM),
+        tuple(one for one in corners if one is not None),
     )
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 import numpy as np
@@ -22,7 +21,7 @@ from workbench.artefacts import (
 from workbench.artefacts.edges import BEVEL_TERMS, Deviations
 from workbench.inspect.verdict import conditions, judged, material, provided, reason_of, worst
 from workbench.stage import stage
-from workbench.units import COVERAGE, Bool, Float
+from workbench.units import Bool, Float
 
 Condition = Literal[
     "told_by_nominal",
@@ -81,7 +80,7 @@ def sections(
         >>> found = inspect.sections(milled)
         >>> found.verdict
         'pass'
-        >>> [round(section.root_mm, 1) for section in found.sections[:3]]
+        >>> [round(section.values["root_mm"], 1) for section in found.sections[:3]]
         [1.5, 1.5, 1.5]
     """
     asked = Requirements(root_nominal_mm, root_tolerance_mm, bevel_nominal_deg, bevel_tolerance_deg)
@@ -94,7 +93,7 @@ def sections(
     absurd = seen & ~is_bevel(edge)
     profile = _profile(edge, seen & ~absurd)
     inspected = tuple(_section(edge, profile, i + 1, float(s), required, guard_factor) for i, s in enumerate(at))
-    unseen = material(edge.unseen, _largest(inspected)) if edge.unseen else ()
+    unseen = material(edge.unseen, inspected)
     verdict, reason, left, accepted = provided(
         worst(s.verdict for s in inspected),
         reason_of(inspected, required=True),
@@ -122,14 +121,6 @@ def sections(
         edge.source,
         left,
     )
-
-
-def _largest(inspected: Sequence[Section]) -> dict[str, float]:
-    """U (k = 2) of both sizes in the section where it is largest; inf: none was measured."""
-    return {
-        name: COVERAGE * max((u for one in inspected if (u := getattr(one, key)) is not None), default=math.inf)
-        for name, key in (("root_mm", "root_u_mm"), ("bevel_deg", "bevel_u_deg"))
-    }
 
 
 Asked = Mapping[str, tuple[float, tuple[float, float]]]
@@ -188,14 +179,8 @@ def _profile(edge: MilledEdge, seen: Bool) -> EdgeProfile:
 def _section(
     edge: MilledEdge, profile: EdgeProfile, index: int, at: float, required: Asked, guard_factor: float
 ) -> Section:
-    at_once = np.asarray(at)
-    sizes = {
-        name: one.at(at_once, edge.arc_length_mm) for name, one in (("root_mm", edge.root), ("bevel_deg", edge.bevel))
-    }
     seen = np.isfinite([np.interp(at, edge.arc_length_mm, v) for v in (profile.root_mm, profile.bevel_deg)]).all()
-    (root, root_u), (bevel, bevel_u) = (
-        (float(one.value), float(one.u)) if seen else (None, None) for one in sizes.values()
-    )
+    sizes = {one.name: one.at(at, edge.arc_length_mm).where(np.asarray(seen)) for one in (edge.root, edge.bevel)}
     verdict, reason = judged(sizes, required, BEVEL_TERMS, guard_factor) if seen else ("undecided", HIDDEN)
     near = np.abs(edge.frame_arc_length_mm - at) <= NEAR_MM
     return Section(
@@ -205,16 +190,10 @@ def _section(
         tangent=_unit(edge, edge.tangent, at),
         normal=_unit(edge, edge.normal, at),
         across=_unit(edge, edge.across, at),
-        root_mm=root,
-        root_u_mm=root_u,
-        bevel_deg=bevel,
-        bevel_u_deg=bevel_u,
+        sizes=sizes,
         verdict=verdict,
         reason=reason,
         frames=np.flatnonzero(near & seen),
-        u_by_source={
-            name: {source: float(u) for source, u in one.u_by_source.items()} for name, one in sizes.items() if seen
-        },
     )
 
 

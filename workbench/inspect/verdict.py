@@ -7,7 +7,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from workbench.artefacts import GrooveSection, Part, Quantity, Section, Uncertainty, Unseen, Verdict, conformity
+from workbench.artefacts import Part, Quantity, Section, Uncertainty, Unseen, Verdict, conformity
+from workbench.units import COVERAGE
 
 RANK: dict[Verdict, int] = {"pass": 0, "undecided": 1, "fail": 2}
 NOTHING_REQUIRED = "no specification: measured, conformity not assessed"
@@ -46,7 +47,7 @@ def judged(
     return worst(verdict for verdict, _ in found.values()), reason or NOTHING_REQUIRED
 
 
-def reason_of(sections: Sequence[Section | GrooveSection], required: bool) -> str:
+def reason_of(sections: Sequence[Section], required: bool) -> str:
     """The part's verdict in words."""
     if not required:
         return NOTHING_REQUIRED
@@ -62,16 +63,19 @@ def of_a_joint(part: Part, *unseen: Unseen) -> Uncertainty:
     return Uncertainty(not_included=(*unseen, *(() if part.hand_eye_u_mm is not None else (NO_HAND_EYE,))))
 
 
-def material(unseen: Sequence[Unseen], largest: Mapping[str, float]) -> tuple[Unseen, ...]:
+def material(unseen: Sequence[Unseen], sections: Sequence[Section]) -> tuple[Unseen, ...]:
     """Those that may cost more than U, or nobody knows what; the dearest first, and that one in any case.
 
-    largest: U (k = 2) of `root_mm` and `bevel_deg` in the section where it is largest.
+    U (k = 2) is that of the section where it is largest.
     """
 
     def share(one: Unseen) -> float:
-        if one.is_doubt or one.root_mm is None or one.bevel_deg is None:
+        if one.is_doubt or not one.costs:
             return math.inf
-        return max(one.root_mm / largest["root_mm"], one.bevel_deg / largest["bevel_deg"])
+        return max(cost / largest(name) for name, cost in one.costs.items())
+
+    def largest(name: str) -> float:
+        return COVERAGE * max((u for s in sections if np.isfinite(u := float(s.sizes[name].u))), default=math.inf)
 
     ranked = sorted(unseen, key=share, reverse=True)
     return tuple(one for one in ranked if one is ranked[0] or share(one) > 1.0)
@@ -101,17 +105,12 @@ def conditions(
     """What a pass rests on: doubts, and what would carry a size of some section out of its limits."""
 
     def rests(one: Unseen) -> bool:
-        if one.is_doubt:
-            return True
-        return any(
-            conformity(value + sign * cost, u, *required[name], guard_factor) != "pass"
+        return one.is_doubt or any(
+            conformity(float(size.value) + sign * cost, float(size.u), *required[name], guard_factor) != "pass"
             for section in sections
-            for name, value, u, cost in (
-                ("root_mm", section.root_mm, section.root_u_mm, one.root_mm),
-                ("bevel_deg", section.bevel_deg, section.bevel_u_deg, one.bevel_deg),
-            )
-            if value is not None and u is not None and cost
+            for name, cost in one.costs.items()
+            if cost and name in required and (size := section.sizes.get(name))
             for sign in (-1.0, 1.0)
         )
 
-    return tuple(one for one in unseen if rests(one))
+    return tuple(one for one in unseen if required and rests(one))

@@ -302,7 +302,7 @@ class Bevel:
         ball = np.array([0.0, self.root_mm + self.fillet_mm])
         return np.asarray(ball + np.outer(height_mm - self.fillet_mm, self.normal))
 
-    def root_u_mm(self, u_mm: Float) -> Float:
+    def u_of_root(self, u_mm: Float) -> Float:
         """u (k,) of the root face that u (k, 2) of the edge along n and m make: the plane's, or the fillet's end."""
         if self.fillet_mm:
             return u_mm[:, 1]

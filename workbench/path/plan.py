@@ -198,7 +198,7 @@ def known_well(
     """
     place_mm, turn = (0.0, 0.0) if chain is None else (chain.place_mm, chain.turn)
     u = np.hypot(np.hypot(edge.position_u_mm, 0.0 if edge.hand_eye_u_mm is None else edge.hand_eye_u_mm), place_mm)
-    root_mm = GUARD * bevel.root_u_mm(u)
+    root_mm = GUARD * bevel.u_of_root(u)
     oblique = (GUARD * edge.tangent_u) ** 2 * np.sin(2.0 * bevel.angle) / 4.0
     angle_deg = (GUARD * np.hypot(edge.normal_u, turn) + oblique) / DEG
     known = edge.seen & (root_mm <= root_tolerance_mm) & (angle_deg <= bevel_tolerance_deg)

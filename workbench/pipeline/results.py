@@ -19,7 +19,7 @@ from workbench.artefacts import (
     Rework,
     Toolpath,
 )
-from workbench.artefacts.edges import JointInspection, RecognisedInspection
+from workbench.artefacts.edges import BEVEL_TERMS, JointInspection, RecognisedInspection
 from workbench.artefacts.evidence import UNSEEN, Unseen
 from workbench.artefacts.paths import CANCELS, NOT_INCLUDED
 from workbench.errors import PipelineError
@@ -55,7 +55,8 @@ def inspection_document(found: JointInspection) -> dict[str, Any]:
         "checks": [dataclasses.asdict(check) for check in found.checks],
         "sections": [
             {
-                **{name: getattr(section, name) for name in SECTION if hasattr(section, name)},
+                **{name: getattr(section, name) for name in SECTION},
+                **({"corners": section.corners} if isinstance(found, RecognisedInspection) else {}),
                 **section.values,
                 "quantities": [
                     {"name": one.name, "value": value, "u": u, "unit": one.quantity.unit, "verdict": verdict}
@@ -73,10 +74,10 @@ def inspection_document(found: JointInspection) -> dict[str, Any]:
 
 def _unseen(one: Unseen) -> dict[str, Any]:
     """What a recording does not show, with what it may cost."""
-    return {"name": one.name, "sentence": one.sentence, "root_mm": one.root_mm, "bevel_deg": one.bevel_deg}
+    return {"name": one.name, "sentence": one.sentence, **dict.fromkeys(BEVEL_TERMS), **one.costs}
 
 
-SECTION = ("index", "arc_length_mm", "origin_mm", "tangent", "normal", "across", "corners")
+SECTION = ("index", "arc_length_mm", "origin_mm", "tangent", "normal", "across")
 
 
 def _particular(found: JointInspection) -> dict[str, Any]:

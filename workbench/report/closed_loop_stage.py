@@ -91,10 +91,10 @@ def _section_rows(inspection: Inspection, rows: list[Compared]) -> Iterator[tupl
             f"{s.arc_length_mm:.1f}",
             measured(row.root_mm, None, PLACES["root_mm"]),
             root,
-            _difference(s.root_mm, row.root_mm, PLACES["root_mm"]),
+            _difference(s.values["root_mm"], row.root_mm, PLACES["root_mm"]),
             measured(row.bevel_deg, None, PLACES["bevel_deg"]),
             bevel,
-            _difference(s.bevel_deg, row.bevel_deg, PLACES["bevel_deg"]),
+            _difference(s.values["bevel_deg"], row.bevel_deg, PLACES["bevel_deg"]),
         )
 
 

@@ -13,9 +13,9 @@ from workbench.artefacts import (
     Cloud,
     Groove,
     GrooveInspection,
-    GrooveSection,
     Preparation,
     PreparationInspection,
+    Section,
     u_name,
 )
 from workbench.artefacts.edges import ALL_TERMS, Joint, RecognisedInspection
@@ -94,7 +94,7 @@ ANGLES = (  # an angle, the corner that it is about and the one that its face le
 )
 
 
-def with_u(section: GrooveSection, size: str) -> str:
+def with_u(section: Section, size: str) -> str:
     """Letter or term, value ± U and unit of a size that was measured."""
     value, u = section.values[size], section.values[u_name(size)]
     text = measured(value, u, decimals([u]))
@@ -102,7 +102,7 @@ def with_u(section: GrooveSection, size: str) -> str:
     return f"{letter if letter != '–' else term} = " + (f"({text})°" if size.endswith("_deg") else f"{text} mm")
 
 
-def groove_drawing(cloud: Cloud, groove: Joint, section: GrooveSection) -> bytes:
+def groove_drawing(cloud: Cloud, groove: Joint, section: Section) -> bytes:
     """SVG of a section: returns near it, corners, every size that was measured as a dimension or in words."""
     corner, uv = section.places, _points(cloud, groove, section)
     places = np.array(list(corner.values()))
@@ -130,7 +130,7 @@ def groove_drawing(cloud: Cloud, groove: Joint, section: GrooveSection) -> bytes
     return figure.svg()
 
 
-def _points(cloud: Cloud, groove: Joint, section: GrooveSection) -> Float:
+def _points(cloud: Cloud, groove: Joint, section: Section) -> Float:
     """(n, 2) kept returns of the frames near a section, in its axes."""
     away = np.abs(groove.frame_arc_length_mm - section.arc_length_mm)
     frames = np.flatnonzero(away <= max(NEAR_MM, float(np.nanmin(away))))
@@ -140,7 +140,7 @@ def _points(cloud: Cloud, groove: Joint, section: GrooveSection) -> Float:
     return np.column_stack([off @ section.normal, off @ section.across])
 
 
-def _lengths(axes: Axes, section: GrooveSection, size: float) -> Iterator[str]:
+def _lengths(axes: Axes, section: Section, size: float) -> Iterator[str]:
     """Dimensions of the lengths that were measured; their names."""
     corner = section.places
     low, high = (end(np.array(list(corner.values())), axis=0) for end in (np.min, np.max))
@@ -161,7 +161,7 @@ def _lengths(axes: Axes, section: GrooveSection, size: float) -> Iterator[str]:
         yield name
 
 
-def _angles(axes: Axes, section: GrooveSection) -> Iterator[str]:
+def _angles(axes: Axes, section: Section) -> Iterator[str]:
     """Dimensions of the angles of flat faces between corners; their names."""
     corner, values = section.places, section.values
     if values.get("root_radius_mm") is not None:

@@ -199,10 +199,11 @@ def fitted_lines(points: Points, sections: tuple[Section, ...]) -> Strokes:
     top = float(faces_extent(points, sections)[1, 1])
     lines = []
     for s in sections:
-        if s.root_mm is None or s.bevel_deg is None:
+        if (sizes := s.root_and_bevel) is None:
             continue
-        beta, up = s.bevel_deg * DEG, max(0.0, top - s.root_mm)
-        corners = np.array([[0.0, 0.0], [0.0, s.root_mm], [-up * math.tan(beta), s.root_mm + up]])
+        root, bevel = sizes
+        up = max(0.0, top - root)
+        corners = np.array([[0.0, 0.0], [0.0, root], [-up * math.tan(bevel * DEG), root + up]])
         lines.append(s.origin_mm + corners @ np.array([s.normal, s.across]))
     return lines_of("fitted lines of the sections", [(line, INK) for line in lines])
 

@@ -46,10 +46,10 @@ def laid_out(cloud: Cloud, edge: Edge, section: Section, budget: int) -> LaidOut
 
 def deviations(drawn: LaidOut) -> tuple[Float, Float, AnyArray] | None:
     """Way along the outline from the lower edge, mm; distance from the lines, outward positive, mm; face."""
-    section = drawn.section
-    if section.root_mm is None or section.bevel_deg is None:
+    if (sizes := drawn.section.root_and_bevel) is None:
         return None
-    root, beta = section.root_mm, section.bevel_deg * DEG
+    root, bevel = sizes
+    beta = bevel * DEG
     on_bevel = drawn.label == BEVEL_FACE
     face = on_bevel | (drawn.label == ROOT_FACE)
     from_corner = drawn.uv_mm - np.array([0.0, root])
@@ -178,24 +178,25 @@ def _draw(axes: Axes, drawn: LaidOut, window: tuple[Float, Float], places: list[
         ha="right",
         look=Lettering(VERDICTS[section.verdict], weight="bold"),
     )
-    if section.root_mm is None or section.bevel_deg is None:
+    if (sizes := section.root_and_bevel) is None:
         text = textwrap.fill(section.reason or "not measured", 24)
         axes.annotate(text, (0.97, 0.5), xycoords="axes fraction", ha="right", va="center", look=Lettering(GREY))
         return
+    root, bevel = sizes
     for label in np.unique(drawn.label):
         uv = drawn.uv_mm[drawn.label == label]
         axes.points(uv[:, 0], uv[:, 1], ".", color=FACES[int(label)], markersize=3.2, alpha=0.6)
     size = float(high[1] - low[1])
-    reach = max(0.0, 0.93 * (float(high[1]) - section.root_mm))
+    reach = max(0.0, 0.93 * (float(high[1]) - root))
     radius = min(0.4 * size, 0.7 * reach)
-    _draw_lines(axes, section.root_mm, section.bevel_deg * DEG, reach)
+    _draw_lines(axes, root, bevel * DEG, reach)
     height, angle = (
         measured(float(one.value), float(one.u), digits)
         for one, digits in zip(section.sizes.values(), places, strict=True)
     )
-    low, top = np.zeros(2), np.array([0.0, section.root_mm])
+    low, top = np.zeros(2), np.array([0.0, root])
     dimension(axes, (low, top), np.array([0.065 * size, 0.0]), f"{height} mm", size)
-    dimension_angle(axes, top, section.bevel_deg, f"({angle})°", radius)
+    dimension_angle(axes, top, bevel, f"({angle})°", radius)
 
 
 def _draw_lines(axes: Axes, root: float, beta: float, reach: float) -> None:

@@ -166,6 +166,8 @@ class UnseenRow(Row):
     sentence: str
     root_mm: UnknownU
     bevel_deg: UnknownU
+    gap_mm: UnknownU = None
+    depth_mm: UnknownU = None
 
 
 class QuantityRow(Row):

@@ -111,7 +111,7 @@ def _area(root_mm: Float, root_u_mm: Float, bevel_deg: Float, bevel_u_deg: Float
 
 
 def _section(section: Section, joint: Joint, limits_mm2: tuple[float, float], guard_factor: float) -> GrooveSection:
-    values = (section.root_mm, section.root_u_mm, section.bevel_deg, section.bevel_u_deg)
+    values = [section.values[name] for name in ("root_mm", "root_u_mm", "bevel_deg", "bevel_u_deg")]
     if None in values:
         return GrooveSection(section.index, section.arc_length_mm, None, None, "undecided")
     root_mm, root_u_mm, bevel_deg, bevel_u_deg = np.array(values, dtype=float)

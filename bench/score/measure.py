@@ -32,6 +32,7 @@ class Result:
     seconds: float = 0.0
     found: dict[str, scorer.Found] = field(default_factory=dict)
     passed_wrongly: int = 0  # sections beyond 4 u with the verdict `pass`
+    passed: bool = False  # whether the part's verdict is `pass`, too: no condition holds it back
 
 
 Task = tuple[str, str, int, Path, str]  # group, simulator, seed, folder, rival
@@ -56,6 +57,7 @@ def measure(part: Part, method: Measure, group: str, declared: Mapping[str, Any]
         result.refused = result.crashed = repr(error)
     result.seconds = time.process_time() - start
     result.found = scorer.compare(part.truth, answer)
+    result.passed = answer.get("verdict") == "pass"
     for section in answer.get("sections", ()):
         alone = scorer.compare(part.truth, {"sections": [section]}).values()
         wrong = any(np.any(np.abs(found.error) > 4.0 * found.u) for found in alone)

@@ -78,10 +78,11 @@ def shop(cards: dict[tuple[str, str], Card]) -> list[str]:
 
 def verdicts(results: Sequence[Result]) -> list[str]:
     passed, crashed = sum(r.passed_wrongly for r in results), sum(bool(r.crashed) for r in results)
+    whole = sum(r.passed_wrongly for r in results if r.passed)
     seconds = sum(r.seconds for r in results)
     return [
-        f"- verdict `pass` on a section beyond 4u: {passed}; crashed: {crashed}; {seconds:.0f} s of processor time for "
-        f"{len(results)} parts"
+        f"- verdict `pass` on a section beyond 4u: {passed}, of parts that pass: {whole}; crashed: {crashed}; "
+        f"{seconds:.0f} s of processor time for {len(results)} parts"
     ]
 
 

@@ -28,7 +28,7 @@ def points_of(cloud: Cloud) -> Float:
 
 
 def values(inspection: Inspection, name: str) -> Float:
-    return np.array([getattr(s, name) for s in inspection.sections], dtype=float)
+    return np.array([s.values[name] for s in inspection.sections], dtype=float)
 
 
 @pytest.mark.parametrize(("condition", "seed"), [("two_pass", 9), *seldom(("paper", 7), ("arc", 8), ("outliers_5", 8))])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -19,11 +20,11 @@ from workbench.artefacts import (
 )
 from workbench.artefacts.edges import MOST_OFF, PREPARATION_TERMS, TERMS, Joint, RecognisedInspection, named
 from workbench.errors import InputError, nearest
-from workbench.inspect.verdict import NOTHING_REQUIRED, conditions, judged, of_a_joint, provided, reason_of, worst
+from workbench.inspect.section import section_at
+from workbench.inspect.verdict import NOTHING_REQUIRED, of_a_joint, of_the_part
 from workbench.stage import stage
 from workbench.units import Float
 
-NEAR_MM = 10.0  # frames this near to a section are drawn with it
 LEFT_OUT = (
     Unseen(
         "other_side",
@@ -156,14 +157,20 @@ def _judged(
     """The fields of a joint's inspection."""
     required = _required(nominal, joint.terms)
     at = (np.arange(sections) + 0.5) / sections * float(joint.arc_length_mm[-1])
-    inspected = tuple(_section(joint, i + 1, float(s), required, guard_factor) for i, s in enumerate(at))
+    sizes = [joint.sizes[name].where(joint.seen) for name in joint.terms if name in joint.sizes]
+    places = (
+        section_at(i, float(s), joint, joint.origin_mm, sizes, required, joint.terms, guard_factor)
+        for i, s in enumerate(at, 1)
+    )
+    inspected = tuple(
+        replace(one, corners=tuple(corner for name in joint.corners if (corner := _corner(joint, name, one))))
+        for one in places
+    )
     if not any(np.isfinite(one.value) for s in inspected for one in s.sizes.values()):
         raise InputError(
             type(joint).__name__.lower(), f"none of {len(inspected)} sections could be measured: is this such a joint?"
         )
-    verdict, reason = worst(s.verdict for s in inspected), reason_of(inspected, bool(required))
-    rests_on = conditions(joint.unseen, inspected, required, guard_factor)
-    verdict, reason, left, told = provided(verdict, reason, rests_on, accepted)
+    verdict, reason, left, told = of_the_part(inspected, joint.unseen, required, guard_factor, accepted)
     return {
         "type": joint.type,
         "alternatives": joint.alternatives,
@@ -205,59 +212,13 @@ def groove_gate(
     return Gate(inspection.verdict == "pass", f"{inspection.verdict}: {inspection.reason}")
 
 
-def _section(
-    joint: Joint,
-    index: int,
-    at: float,
-    required: Mapping[str, tuple[float, tuple[float, float]]],
-    guard_factor: float,
-) -> Section:
-    near = _near_seen(joint, at)
-    sizes = {
-        name: joint.sizes[name].at(at, joint.arc_length_mm).where(np.asarray(near))
-        for name in joint.terms
-        if name in joint.sizes
-    }
-    verdict, reason = judged(sizes, required, joint.terms, guard_factor)
-    origin, tangent, normal, across = (
-        _vector(joint, v, at) for v in (joint.origin_mm, joint.tangent, joint.normal, joint.across)
-    )
-    corners = tuple(_corner(joint, name, at, origin, normal, across) for name in joint.corners)
-    return Section(
-        index,
-        at,
-        origin,
-        _unit(tangent),
-        _unit(normal),
-        _unit(across),
-        sizes,
-        verdict,
-        reason,
-        np.flatnonzero(np.abs(joint.frame_arc_length_mm - at) <= NEAR_MM),
-        tuple(one for one in corners if one is not None),
-    )
-
-
-def _near_seen(joint: Joint, at: float) -> bool:
-    near = np.searchsorted(joint.arc_length_mm, at)
-    return bool(joint.seen[np.clip([near - 1, near], 0, joint.seen.size - 1)].all())
-
-
-def _vector(joint: Joint, values: Float, at: float) -> Float:
-    return np.array([np.interp(at, joint.arc_length_mm, values[:, k]) for k in range(3)])
-
-
-def _unit(vector: Float) -> Float:
-    return np.asarray(vector / np.linalg.norm(vector))
-
-
-def _corner(joint: Joint, name: str, at: float, origin: Float, normal: Float, across: Float) -> dict[str, Any] | None:
-    corner = joint.corners[name]
-    a, b = (float(np.interp(at, joint.arc_length_mm, corner.section_mm[:, k])) for k in (0, 1))
-    u = [float(np.interp(at, joint.arc_length_mm, corner.u_mm[:, k])) for k in (0, 1)]
-    if not np.isfinite([a, b, *u]).all() or not _near_seen(joint, at):
+def _corner(joint: Joint, name: str, section: Section) -> dict[str, Any] | None:
+    corner, at = joint.corners[name], section.arc_length_mm
+    there = np.where(joint.seen, np.hstack([corner.section_mm, corner.u_mm]).T, np.nan)
+    a, b, *u = (float(np.interp(at, joint.arc_length_mm, one)) for one in there)
+    if not np.isfinite([a, b, *u]).all():
         return None
-    position = origin + a * _unit(normal) + b * _unit(across)
+    position = section.origin_mm + a * section.normal + b * section.across
     return {
         "name": name,
         "position_mm": position.tolist(),

@@ -13,13 +13,13 @@ from workbench.artefacts import (
     Inspection,
     MilledEdge,
     Requirements,
-    Section,
     Uncertainty,
     Verdict,
     conformity,
 )
 from workbench.artefacts.edges import BEVEL_TERMS, Deviations
-from workbench.inspect.verdict import conditions, judged, material, provided, reason_of, worst
+from workbench.inspect.section import section_at
+from workbench.inspect.verdict import material, of_the_part
 from workbench.stage import stage
 from workbench.units import Bool, Float
 
@@ -38,8 +38,6 @@ Condition = Literal[
     "layer",
     "other_software",
 ]
-HIDDEN = "the edge is hidden here"
-NEAR_MM = 10.0  # frames this near to a section are drawn with it
 MOST_BEVEL_DEG = 85.0  # a root face or an angle beyond these limits is no measure of a bevel
 
 
@@ -91,20 +89,28 @@ def sections(
     at = (np.arange(sections) + 0.5) / sections * float(edge.arc_length_mm[-1])
     seen = edge.seen & np.isfinite(edge.root.value) & np.isfinite(edge.bevel.value)
     absurd = seen & ~is_bevel(edge)
-    profile = _profile(edge, seen & ~absurd)
-    inspected = tuple(_section(edge, profile, i + 1, float(s), required, guard_factor) for i, s in enumerate(at))
-    unseen = material(edge.unseen, inspected)
-    verdict, reason, left, accepted = provided(
-        worst(s.verdict for s in inspected),
-        reason_of(inspected, required=True),
-        conditions(unseen, inspected, required, guard_factor),
-        accept_conditions,
+    root, bevel = sizes = [one.where(seen & ~absurd) for one in (edge.root, edge.bevel)]
+    profile = EdgeProfile(
+        edge.arc_length_mm,
+        edge.position_mm,
+        root.value,
+        root.u,
+        bevel.value,
+        bevel.u,
+        root.u_by_source,
+        bevel.u_by_source,
     )
+    inspected = tuple(
+        section_at(i, float(s), edge, edge.position_mm, sizes, required, BEVEL_TERMS, guard_factor)
+        for i, s in enumerate(at, 1)
+    )
+    unseen = material(edge.unseen, inspected)
+    verdict, reason, left, told = of_the_part(inspected, unseen, required, guard_factor, accept_conditions)
     warnings = (
         *edge.warnings,
         *_no_bevel(edge.arc_length_mm[absurd]),
         *_warnings(edge, seen & ~absurd, required, guard_factor, verdict),
-        *accepted,
+        *told,
     )
     return Inspection(
         inspected,
@@ -158,51 +164,3 @@ def _no_bevel(at_mm: Float) -> list[str]:
         f"what was followed between arc length {at_mm.min():.1f} and {at_mm.max():.1f} mm gives a root face or "
         "an angle that no bevel has: not measured there"
     ]
-
-
-def _profile(edge: MilledEdge, seen: Bool) -> EdgeProfile:
-    """Root face and bevel angle at every station of the edge; NaN where it was not seen."""
-    values = (edge.root.value, edge.root.u, edge.bevel.value, edge.bevel.u)
-    root, root_u, bevel, bevel_u = (np.where(seen, v, np.nan) for v in values)
-    return EdgeProfile(
-        edge.arc_length_mm,
-        edge.position_mm,
-        root,
-        root_u,
-        bevel,
-        bevel_u,
-        {name: np.where(seen, u, np.nan) for name, u in edge.root.u_by_source.items()},
-        {name: np.where(seen, u, np.nan) for name, u in edge.bevel.u_by_source.items()},
-    )
-
-
-def _section(
-    edge: MilledEdge, profile: EdgeProfile, index: int, at: float, required: Asked, guard_factor: float
-) -> Section:
-    seen = np.isfinite([np.interp(at, edge.arc_length_mm, v) for v in (profile.root_mm, profile.bevel_deg)]).all()
-    sizes = {one.name: one.at(at, edge.arc_length_mm).where(np.asarray(seen)) for one in (edge.root, edge.bevel)}
-    verdict, reason = judged(sizes, required, BEVEL_TERMS, guard_factor) if seen else ("undecided", HIDDEN)
-    near = np.abs(edge.frame_arc_length_mm - at) <= NEAR_MM
-    return Section(
-        index=index,
-        arc_length_mm=at,
-        origin_mm=_along(edge, edge.position_mm, at),
-        tangent=_unit(edge, edge.tangent, at),
-        normal=_unit(edge, edge.normal, at),
-        across=_unit(edge, edge.across, at),
-        sizes=sizes,
-        verdict=verdict,
-        reason=reason,
-        frames=np.flatnonzero(near & seen),
-    )
-
-
-def _along(edge: MilledEdge, values: Float, at: float) -> Float:
-    """Rows of `values` (n, 3) interpolated at arc length `at`, over hidden stretches too."""
-    good = np.isfinite(values[:, 0])
-    return np.array([np.interp(at, edge.arc_length_mm[good], values[good, k]) for k in range(3)])
-
-
-def _unit(edge: MilledEdge, values: Float, at: float) -> Float:
-    v = _along(edge, values, at)
-    return v / np.linalg.norm(v)

@@ -81,19 +81,23 @@ def material(unseen: Sequence[Unseen], sections: Sequence[Section]) -> tuple[Uns
     return tuple(one for one in ranked if one is ranked[0] or share(one) > 1.0)
 
 
-def provided(
-    verdict: Verdict, reason: str, rests_on: Sequence[Unseen], accepted: Collection[str]
+def of_the_part(
+    sections: Sequence[Section],
+    unseen: Sequence[Unseen],
+    required: Mapping[str, tuple[float, tuple[float, float]]],
+    guard_factor: float,
+    accepted: Collection[str],
 ) -> tuple[Verdict, str, tuple[Unseen, ...], tuple[str, ...]]:
-    """Verdict and reason of a part whose pass rests on something, what of that nobody accepted, and warnings."""
+    """Verdict and reason of a part; what its pass rests on and nobody accepted by name; warnings of what was."""
+    verdict, reason = worst(s.verdict for s in sections), reason_of(sections, bool(required))
     if verdict != "pass":
         return verdict, reason, (), ()
+    rests_on = conditions(unseen, sections, required, guard_factor)
     left = tuple(one for one in rests_on if one.name not in accepted)
     told = tuple(f"accepted by name, {one.name}: {one.told}" for one in rests_on if one not in left)
-    return (
-        ("undecided", PROVIDED.format(" ".join(one.told for one in left)), left, told)
-        if left
-        else (verdict, reason, (), told)
-    )
+    if not left:
+        return verdict, reason, (), told
+    return "undecided", PROVIDED.format(" ".join(one.told for one in left)), left, told
 
 
 def conditions(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from workbench import cloud, edge, inspect, scan
+from workbench.artefacts import JointInspection, u_name
 from workbench.units import DEG
 
 TITLE = "workbench"
@@ -29,9 +30,7 @@ def measure(recording: Path, declared: Mapping[str, Any]) -> dict[str, Any]:
         known["sensor"] = recording.with_suffix(".sensor.json")
         known["sensor"].write_text(json.dumps(declared["sensor"]))
     if declared["kind"] == "groove":
-        found: Any = inspect.groove(edge.segment_groove(points, **known)).sections
-        names = ("gap_mm", "gap_u_mm", "depth_mm", "depth_u_mm")
-        return {"sections": [placed(s) | {name: s.values.get(name) for name in names} for s in found]}
+        return sections(inspect.groove(edge.segment_groove(points, **known)), "gap_mm", "depth_mm")
     if declared["kind"] == "raw":
         known |= {name: declared[name] for name in ("robot_noise_length_mm",) if name in declared}
         drift = declared.get("robot_drift_u_mm", 0.0)
@@ -39,14 +38,19 @@ def measure(recording: Path, declared: Mapping[str, Any]) -> dict[str, Any]:
         return {"sections": raw_sections(raw)}
     known |= {"upper_side": tuple(declared["upper_side"])} if "upper_side" in declared else {}
     nominal = {name: declared[name] for name in ("root_nominal_mm", "bevel_nominal_deg")}
-    found = inspect.sections(edge.segment(points, **nominal, **known), **nominal).sections
-    names = ("root_mm", "root_u_mm", "bevel_deg", "bevel_u_deg")
-    return {"sections": [placed(s) | {name: getattr(s, name) for name in names} for s in found]}
+    return sections(inspect.sections(edge.segment(points, **nominal, **known), **nominal), "root_mm", "bevel_deg")
 
 
-def placed(section: Any) -> dict[str, Any]:
-    """Where a section lies, and its verdict."""
-    return {"origin_mm": np.asarray(section.origin_mm).tolist(), "verdict": section.verdict}
+def sections(inspection: JointInspection, *sizes: str) -> dict[str, Any]:
+    """Where sections lie, two sizes with their u, and their verdicts beside the part's."""
+    names = [each for size in sizes for each in (size, u_name(size))]
+    return {
+        "verdict": inspection.verdict,
+        "sections": [
+            {"origin_mm": s.origin_mm.tolist(), "verdict": s.verdict, **{name: s.values.get(name) for name in names}}
+            for s in inspection.sections
+        ],
+    }
 
 
 def raw_sections(raw: Any) -> list[dict[str, Any]]:

@@ -178,7 +178,7 @@ def test_where_what_is_no_bevel_lies_and_where_it_fails_between_sections_is_told
     assert both.warnings == ()
 
 
-LOST = Unseen("lost_columns", "A lost column.", {"root_mm": 0.07, "bevel_deg": 0.0})
+LOST = Unseen("lost_columns", "A lost column.", {"root_mm": 0.07})
 LAYER = Unseen("layer", "A layer.", {"root_mm": 0.001})
 STOP = Unseen("lies_on", "A stop looks alike.", is_doubt=True)
 

@@ -31,15 +31,15 @@ COSTS |= {"gap_mm": ("gap", "mm"), "depth_mm": ("depth", "mm")}
 
 @dataclass(frozen=True, slots=True)
 class Unseen:
-    """What a recording does not show of itself, and what it may cost its values.
+    """What a recording does not show of itself, and what it may cost its values: where any is known, others nothing.
 
-    >>> Unseen("clock_offset", "A clock that is 10 ms off.", {"root_mm": 0.0021, "bevel_deg": 0.0}).told
+    >>> Unseen("clock_offset", "A clock that is 10 ms off.", {"root_mm": 0.0021}).told
     'A clock that is 10 ms off (root face 0.0021 mm).'
     """
 
     name: str  # by which a user accepts it
     sentence: str
-    costs: Mapping[str, float] = field(default_factory=dict)  # by size, in its unit; none: not known
+    costs: Mapping[str, float] = field(default_factory=dict)  # by size, in its unit; empty: not known
     is_doubt: bool = False  # of what was measured at all: the verdict rests on it whatever it costs
 
     @property

@@ -78,7 +78,7 @@ def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge, *, is_sharp
             Unseen(
                 "shadow",
                 f"{away} of {CUT_AWAY_MM:g} mm below the root face, in the shadow that it throws.",
-                {"root_mm": CUT_AWAY_MM * (steep if is_sharp else max(steep, 1.0)), "bevel_deg": 0.0},
+                {"root_mm": CUT_AWAY_MM * (steep if is_sharp else max(steep, 1.0))},
             )
         )
         if ends_in_nothing(cloud.z_mm, tracked.end_column, free):
@@ -88,7 +88,7 @@ def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge, *, is_sharp
                     "lost_columns",
                     f"All along the lower end of the root face, {lost_mm:.2g} mm of it that return nothing (columns "
                     "that the sensor loses, a dark stripe), or a burr in its plane.",
-                    {"root_mm": lost_mm, "bevel_deg": 0.0},
+                    {"root_mm": lost_mm},
                 )
             )
     if cloud.hand_eye_covariance is None:
@@ -113,7 +113,7 @@ def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge, *, is_sharp
         Unseen(
             "layer",
             f"An even layer of {LAYER_MM:g} mm of paint, scale or coolant.",
-            {"root_mm": LAYER_MM * math.tan(0.5 * bevel * DEG), "bevel_deg": 0.0},
+            {"root_mm": LAYER_MM * math.tan(0.5 * bevel * DEG)},
         ),
     )
 
@@ -141,7 +141,7 @@ def by_thickness(
         return left
     told = f"That the root face ends where its returns do: the plate is {thickness_mm:g} mm thick, and that end lies "
     told += f"{found:.3f} mm below its upper surface."
-    return (Unseen("thickness", told, {"root_mm": abs(found - thickness_mm), "bevel_deg": 0.0}, is_doubt=True), *left)
+    return (Unseen("thickness", told, {"root_mm": abs(found - thickness_mm)}, is_doubt=True), *left)
 
 
 def ends_in_nothing(z_mm: AnyArray, outwards: Int, here: Bool) -> bool:
@@ -246,7 +246,7 @@ def _by_clock(cloud: Cloud, edge: MilledEdge) -> dict[str, float]:
     step = np.diff(time)
     speed = np.abs(np.diff(at))[step > 0.0] / step[step > 0.0]
     if not np.isfinite(speed).any():
-        return {"root_mm": 0.0, "bevel_deg": 0.0}
+        return {"root_mm": 0.0}
     way = UNSEEN_S * float(np.nanmedian(speed))
 
     def change(size: Quantity) -> float:

@@ -74,7 +74,12 @@ def inspection_document(found: JointInspection) -> dict[str, Any]:
 
 def _unseen(one: Unseen) -> dict[str, Any]:
     """What a recording does not show, with what it may cost."""
-    return {"name": one.name, "sentence": one.sentence, **dict.fromkeys(BEVEL_TERMS), **one.costs}
+    return {
+        "name": one.name,
+        "sentence": one.sentence,
+        **dict.fromkeys(BEVEL_TERMS, 0.0 if one.costs else None),
+        **one.costs,
+    }
 
 
 SECTION = ("index", "arc_length_mm", "origin_mm", "tangent", "normal", "across")

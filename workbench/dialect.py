@@ -110,10 +110,11 @@ class ProgramJob:
     def remarks(self) -> tuple[str, ...]:
         """What it is and what it was made from, in lines that are safe in a comment."""
         moves, path = self.moves, self.moves.toolpath
+        about = [line for text in path.about for line in textwrap.wrap(_safe(text), LONGEST_REMARK)]
         return tuple(
             plain(line)
             for line in (
-                *(path.about or self._milling),
+                *(about or self._milling),
                 f"part: {path.part.part_id or 'unknown'}",
                 f"source: {path.source or 'unnamed'}",
                 *(("External axis 1: the track under the robot, mm",) if moves.on_track else ()),

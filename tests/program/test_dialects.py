@@ -404,6 +404,27 @@ def test_another_configuration_is_another_posture(made, cells) -> None:
     assert np.degrees(np.abs(first - moves.postures.joints[0])).max() > 50
 
 
+@pytest.mark.parametrize(
+    ("controller", "robot", "tool", "place", "said"),
+    [
+        ("abb", "irb6700", "TOOL0", None, "tool.controller_name: .*no meaning in RAPID yet, found 'TOOL0'"),
+        ("abb", "irb6700", "tSpindle", "wobj0", "work_object.controller_name: .*no meaning in RAPID yet"),
+        ("abb", "irb6700", "MoveL", None, "tool.controller_name: .*no meaning in RAPID yet"),
+        ("abb", "irb6700", "TOOL_DATA[3]", None, "tool.controller_name: .*letters, digits and _"),
+        ("abb", "irb6700", "spindle", "Spindle", "expected four different names"),
+        ("kuka", "kr210", "TOOL_DATA[0]", None, r"tool.controller_name: expected TOOL_DATA\[n\]"),
+        ("fanuc", "m20ia", "UTOOL[1]", "UFRAME[0]", r"work_object.controller_name: expected UFRAME\[n\]"),
+    ],
+)
+def test_a_name_that_is_something_else_on_the_controller_is_refused(
+    made, tmp_path: Path, controller: str, robot: str, tool: str, place: str | None, said: str
+) -> None:
+    """With tool0 the flange would be driven to where the cutter belongs."""
+    cell = cell_of(robot, tmp_path, tool=tool, place=place, dialect=controller)
+    with pytest.raises(InputError, match=said):
+        write(made[robot], passed(made[robot].toolpath), cell)
+
+
 def test_a_job_for_yaskawa_names_its_tool(made, tmp_path: Path) -> None:
     cell = cell_of("gp25", tmp_path, dialect="yaskawa")
     with pytest.raises(

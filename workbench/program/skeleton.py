@@ -352,7 +352,7 @@ def tidy(values: Float, digits: int) -> Any:
 def numbered(cell: Cell, what: str, part: str, kind: str, name: str, digits: str = "+") -> int:
     """The number in the controller's name of a tool or frame: 3 of UTOOL[3]; `part` of the cell file has it."""
     found = re.fullmatch(rf"{kind}\[(\d{digits})\]", name)
-    if found is None:
+    if found is None or (what != "Yaskawa" and not int(found[1])):  # number 0 is flange or world, where there is one
         where = f"{cell.source}: $.{part}.controller_name"
         raise InputError(where, f"expected {kind}[n] for {what}, found {name!r}")
     return int(found[1])

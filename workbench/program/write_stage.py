@@ -176,7 +176,12 @@ def _told(cell: Cell, chosen: str) -> Cell:
 
 
 def _rapid(job: ProgramJob, cell: Cell, procedure: str, tool_name: str, work_object_name: str) -> Rapid:
-    names = [job.name, procedure, tool_name, work_object_name]
+    for part, name in (("tool", job.tool_name), ("work_object", job.work_object_name)):
+        try:
+            free_name(name or part)
+        except ValueError as error:  # tool0 and wobj0 are the flange and the world, whatever the cell file says
+            raise InputError(f"{cell.source}: $.{part}.controller_name", f"{error}, found {name!r}") from None
+    names = [job.name, procedure, job.tool_name or tool_name, job.work_object_name or work_object_name]
     if len({name.lower() for name in names}) < len(names):
         raise InputError("program.write", f"expected four different names, got {', '.join(names)}")
     return Rapid(job, cell, procedure, tool_name, work_object_name)

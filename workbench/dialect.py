@@ -110,6 +110,7 @@ class ProgramJob:
     def remarks(self) -> tuple[str, ...]:
         """What it is and what it was made from, in lines that are safe in a comment."""
         moves, path = self.moves, self.moves.toolpath
+        axes = 1 if self.turntable_deg is None else self.turntable_deg.ndim
         about = [line for text in path.about for line in textwrap.wrap(_safe(text), LONGEST_REMARK)]
         return tuple(
             plain(line)
@@ -118,6 +119,7 @@ class ProgramJob:
                 f"part: {path.part.part_id or 'unknown'}",
                 f"source: {path.source or 'unnamed'}",
                 *(("External axis 1: the track under the robot, mm",) if moves.on_track else ()),
+                *(("External axes: 1 the tilt, 2 the turntable on it",) if axes > 1 else ()),
                 f"{len(moves.layer)} targets for {moves.points_before} points of the path,",
                 f"within {moves.chord_tolerance_mm:g} mm and {moves.angle_tolerance_deg:g} deg",
                 "Check tool, load and work object before the first run.",

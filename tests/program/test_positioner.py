@@ -191,6 +191,7 @@ def test_every_language_says_both_axes(tmp_path: Path, dialect: str) -> None:
         "fanuc": f"J1= {tilt:.3f} deg,\tJ2= {table:.3f} deg",
     }
     assert text.replace("\r", "").count(said[dialect]) >= len(moves.layer)
+    assert "External axes: 1 the tilt, 2" in text
     values = np.degrees([move.turntable for move in read.moves])
     assert values[0] == pytest.approx([5.0, table], abs=1e-3)  # home
     assert values[2:-1] == pytest.approx(np.tile([tilt, table], (len(values) - 3, 1)), abs=1e-3)

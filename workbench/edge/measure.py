@@ -54,6 +54,7 @@ class Faces:
     root_course: Course  # direction of the root face, rad
     bevel_course: Course  # direction of the bevel face, rad
     opening_course: Course  # angle between both, rad, as each frame shows it
+    own: Shaped[Bool, " N"]  # frames that show the root face's own direction: no burr turns its line
     follows: float  # how likely it is that the angle between the faces runs smoothly, rather than the root face alone
 
 
@@ -235,12 +236,14 @@ def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, tur
     group, s_root, variance = cloud.pass_index[of], root.s[of], root.angle_variance[of]
     bevel_course = fit_course(bevel.s[of], bevel_angle[of], bevel.angle_variance[of], group, shared=ROUGH)
     root_angle = np.where(tracked.end_is_burred[of], np.nan, root_angle[of])  # a burr's low foot turns its line
+    own = ~tracked.end_is_burred
     if few is None:
-        variance = variance / own_directions(s_root, root_angle, variance, tracked.faces[ROOT_FACE].width_mm)
+        likely = own_directions(s_root, root_angle, variance, tracked.faces[ROOT_FACE].width_mm)
+        variance, own = variance / likely, own & (likely > 0.5)
     root_course = fit_course(s_root, root_angle, variance, group, shared=ROUGH)
     opening_course = fit_course(s_root, root_angle - bevel_course.value(s_root), variance, group, shared=ROUGH)
     follows = 1.0 / (1.0 + math.exp(np.clip(root_course.log_evidence - opening_course.log_evidence, -50.0, 50.0)))
-    return Faces(root, bevel, turns, root_course, bevel_course, opening_course, follows)
+    return Faces(root, bevel, turns, root_course, bevel_course, opening_course, own, follows)
 
 
 def _state(

@@ -27,7 +27,8 @@ from workbench.geometry.medians import median, row_medians
 from workbench.kernels import kernel
 from workbench.units import TO_SD, AnyArray, Bool, Float, Float32, Int, Shaped
 
-LEAST_FRAMES = 4  # of a stretch
+LEAST_FRAMES, LEAST_PARTED = 4, 20  # of a stretch; of one that is parted
+APART_SD = 2.0  # standard deviations of single frames by which its parts differ
 STRETCH_MM, STRETCH_FRAMES = 40.0, 30  # of edge, whose frames are pooled; as long as it takes for so many
 PLACES, LEAST_PLACES = 16, 5  # on a face, along it
 OFTEN = 0.1  # of the frames, that a column sees a face
@@ -116,7 +117,7 @@ class SeenBy(NamedTuple):
 class FaceImage(NamedTuple):
     """The residual image of one face, averaged over the frames of each of k stretches of edge, pass by pass."""
 
-    s: Shaped[Float, " k"]  # mm
+    s: Shaped[Float, "k 2"]  # mm, from where on and up to where it holds; between these, what lies between
     mean: Shaped[Float, "k p"]  # across the face, mm
     noise: Shaped[Float, "k p p"]  # its covariance, mm^2
     place_mm: Shaped[Float, " p"]  # along the face from its middle, towards its lower end
@@ -167,7 +168,7 @@ def face_image(
     for number in range(numbers.size):
         here, mine = group == number, image.of_pass == number
         if mine.any():
-            mean[here] = np.stack([np.interp(s[here], image.s[mine], of) for of in image.mean[mine].T], axis=1)
+            mean[here] = _between(s[here], image.s[mine], image.mean[mine]).T
         middle, sense = np.median(face.x_mean[frames][here]), np.median(side[frames][here])
         of_pass = float(np.median(lean[here]))
         passes.append(SeenBy(s[here].min(), s[here].max(), middle + sense * place_mm / of_pass, of_pass))
@@ -235,7 +236,7 @@ def _patches(sums: Float, column_mm: float, lean: Float, asked: FaceImage) -> Fa
         return None
     mean, noise = (np.concatenate(parts) for parts in zip(*some, strict=True))
     lean = np.full(len(mean), np.median(lean))
-    return FaceImage(np.zeros(lean.size), mean, noise, place, lean, np.zeros(lean.size, np.int64))
+    return FaceImage(np.zeros((lean.size, 2)), mean, noise, place, lean, np.zeros(lean.size, np.int64))
 
 
 def _pooled(value: Float, s: Float, place_mm: Float, lean: Float, group: Int, most: int = 1000) -> FaceImage | None:
@@ -244,7 +245,14 @@ def _pooled(value: Float, s: Float, place_mm: Float, lean: Float, group: Int, mo
     stretches = max(1, min(math.floor(np.ptp(s) / STRETCH_MM), len(value) // (STRETCH_FRAMES * passes), most))
     stretch = np.minimum((s - s.min()) / max(float(np.ptp(s)), 1e-9) * stretches, stretches - 1).astype(np.int64)
     stretch += group * stretches
-    of = [np.flatnonzero(stretch == k) for k in range(stretches * passes)]
+    frames = [np.flatnonzero(stretch == k) for k in range(stretches * passes)]
+    # one stretch of all frames: these see other parts of the face, which are no change
+    parts = [[mine] if most == 1 else _alike(value, mine[np.argsort(s[mine])]) for mine in frames]
+    of = [one for pieces in parts for one in pieces]
+    whole = [len(pieces) == 1 for pieces in parts for _ in pieces]
+    holds = [
+        2 * [s[one].mean()] if alike else [s[one].min(), s[one].max()] for one, alike in zip(of, whole, strict=True)
+    ]
     known = np.isfinite(value)
     count = [known[mine].sum(axis=0) for mine in of]
     keep = [k for k, one in enumerate(count) if one.min() >= LEAST_FRAMES]
@@ -258,10 +266,34 @@ def _pooled(value: Float, s: Float, place_mm: Float, lean: Float, group: Int, mo
     covariance = left.T @ left / (seen[:, None] * seen)
     covariance = (1.0 - SHRUNK) * covariance + SHRUNK * np.diag(np.diag(covariance))
     counted = np.array([count[k].mean() for k in keep]) / _together(left)
-    at = np.array([s[of[k]].mean() for k in keep])
     noise = covariance[None] / counted[:, None, None]
     leans = np.array([median(lean[of[k]]) for k in keep])
-    return FaceImage(at, middle, noise, place_mm, leans, np.array(keep) // stretches)
+    numbers = np.array([group[of[k][0]] for k in keep])
+    return FaceImage(np.array(holds)[keep], middle, noise, place_mm, leans, numbers)
+
+
+def _between(at: Float, holds: Float, rows: Float) -> Float:
+    """Rows (k, c) at places (m,): each where it holds, (k, 2) mm, else between its neighbours (c, m)."""
+    return np.stack([np.interp(at, holds.ravel(), np.repeat(one, 2)) for one in rows.T])
+
+
+def _alike(value: Float, frames: Int) -> list[Int]:
+    """Frames of a stretch, parted where what they leave (f, p) changes by more than frames of one side differ by.
+
+    So it does where second returns of a face begin, or a step of it: the mean of all is that of neither side.
+    """
+    cut = np.arange(LEAST_PARTED, frames.size - LEAST_PARTED + 1)
+    if not cut.size:
+        return [frames]
+    left = np.nan_to_num(value[frames] - row_medians(value[frames].T))
+    total, square = np.cumsum(left, axis=0), np.cumsum(left**2, axis=0)[-1]
+    before, after = total[cut - 1] / cut[:, None], (total[-1] - total[cut - 1]) / (frames.size - cut)[:, None]
+    within = square - cut[:, None] * before**2 - (frames.size - cut)[:, None] * after**2
+    apart = ((after - before) ** 2 / (within / frames.size + LEAST_NOISE_MM**2)).mean(axis=1)
+    at = int(apart.argmax())
+    if apart[at] < APART_SD**2:
+        return [frames]
+    return [*_alike(value, frames[: cut[at]]), *_alike(value, frames[cut[at] :])]
 
 
 def _trimmed(value: Float) -> Float:
@@ -550,7 +582,7 @@ def _form(image: FaceImage, lasting: Sequence[_Lasting], at: Float, sensor: Line
     for number, seen in enumerate(passes):
         mine = image.of_pass == number
         if mine.any():
-            told[number] = [np.interp(at, image.s[mine], of) for of in np.array(rows)[mine].T]
+            told[number] = _between(at, image.s[mine], np.array(rows)[mine])
             here = (at >= seen.first_mm) & (at <= seen.last_mm)
             share[number] = np.where(here, 1.0, 1e-6) * tells[mine].sum()  # where no pass is: all
     share /= share.sum(axis=0)

@@ -294,8 +294,11 @@ def _forms(
     faces = measured.faces
     root_turn, bevel_turn = face_turns(faces, faces.root.s)
     bows = {ROOT_FACE: faces.root.bow_in_range(root_turn), BEVEL_FACE: faces.bevel.bow_in_range(bevel_turn)}
+    own = {ROOT_FACE: np.where(faces.own, measured.s_low, np.nan)}
     images = [
-        face_image(cloud, tracked.labels, tracked.faces[of], of, tracked.side, measured.s_low, bows.get(of))
+        face_image(
+            cloud, tracked.labels, tracked.faces[of], of, tracked.side, own.get(of, measured.s_low), bows.get(of)
+        )
         for of in (ROOT_FACE, BEVEL_FACE, LOWER_SURFACE, UPPER_SURFACE)  # the last tells of the sensor
     ]
     either = either_piece_u(checks)

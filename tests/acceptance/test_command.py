@@ -181,3 +181,27 @@ def test_hand_eye_of_a_file_takes_the_recording_s_place(run: Run, easy: Path, fo
     given = run(bare, "--input", f"hand_eye={told}", out="given")
     for one, other in zip(whole["sections"], given.read()["sections"], strict=True):
         assert np.allclose(one["origin_mm"], other["origin_mm"], atol=1e-6)
+
+
+PLANNING = {"hand_eye", "upper_side", "root_mm", "bevel_deg", "depth_of_cut_mm", "cutter_diameter_mm"}
+PLANNING |= {"v_slow_mm_s", "v_fast_mm_s", "cell", "controller"}
+INSPECTION = {"hand_eye", "root_nominal_mm", "root_tolerance_mm", "bevel_nominal_deg", "bevel_tolerance_deg"}
+INSPECTION |= {"sections"}
+BESIDES = {"sensor", "edge_condition", "robot_noise_mm", "robot_noise_length_mm"}
+INPUTS = {
+    "plan_bevel": {"recording"} | PLANNING | BESIDES,
+    "inspect_groove": {"recording", "hand_eye", "groove", "nominal", "sections"} | BESIDES,
+    "plan_scan": {"edge", "sensor", "cell", "thickness_mm", "root_mm", "bevel_deg", "root_U_mm", "bevel_U_deg"}
+    | {"passes", "controller"},
+    "closed_loop": {"recipe"} | PLANNING | INSPECTION | BESIDES,
+    "measured_loop": {"recipe", "finish_allowance_mm", "tool_error_mm", "robot_noise_mm", "cell"},
+    "calibrate_handeye": {"recording"},
+    "identify_stiffness": {"loads", "cell"},
+    "optimise_posture": {"toolpath", "stiffness", "cell", "mode", "controller"},
+}
+
+
+@pytest.mark.parametrize("name", INPUTS)
+def test_a_pipeline_takes_the_inputs_that_were_promised(name: str) -> None:
+    inputs = json.loads(SHIPPED.with_name(f"{name}.json").read_text())["inputs"]
+    assert INPUTS[name] - inputs.keys() == set()

@@ -298,11 +298,11 @@ def _image(face: _Face, view: View, length_mm: float, rng: np.random.Generator) 
         at = np.asarray((np.arange(count) + 0.5 - 0.5 * count) * asked.wide * face.width_mm / face.columns)
         noise = np.broadcast_to(one * np.eye(count), (patches, count, count))
         mean, of_pass = math.sqrt(one) * rng.normal(size=(patches, count)), np.zeros(patches, np.int64)
-        return FaceImage(np.zeros(patches), mean, noise, at, np.full(patches, lean), of_pass)
+        return FaceImage(np.zeros((patches, 2)), mean, noise, at, np.full(patches, lean), of_pass)
 
     alike = (1.0 - SHRUNK) * left + SHRUNK * np.diag(np.diag(left))  # as the engine takes it
     noise, of_pass = variance * alike[None] / frames, np.zeros(1, np.int64)
-    return FaceImage(np.zeros(1), mean, noise, place, np.array([lean]), of_pass, wide, by_columns=by_columns)
+    return FaceImage(np.zeros((1, 2)), mean, noise, place, np.array([lean]), of_pass, wide, by_columns=by_columns)
 
 
 # The broken end: edges of the prior, as a pass would see them.

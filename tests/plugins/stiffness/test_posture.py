@@ -38,6 +38,7 @@ from .conftest import ROOT, K
 PATH = ROOT / "data" / "synthetic" / "paths" / "raw_arc.json"
 COARSE: dict[str, Any] = {"step_deg": 30.0, "sampled_points": 100, "reach_mm": 15.0}
 FEW = {**COARSE, "whole_map": False}
+MODES = "constant", "along_path"
 
 
 def thinned(path: Toolpath, every: int) -> Toolpath:
@@ -222,6 +223,22 @@ def test_no_point_by_itself_gives_way_less_than_the_bound_says(cell, path, acts,
         assert told[-1]["gap_to_bound"] == pytest.approx(mean / told[-1]["pointwise_bound_mm"] - 1)
         assert 0 < told[-1]["gap_to_bound"] < 0.1
     assert told[0]["pointwise_bound_mm"] < told[1]["pointwise_bound_mm"]
+
+
+def test_angles_along_the_path_are_one_pair_and_what_each_points_own_would_win(cell, path, acts, stiffness):
+    some = {
+        **COARSE,
+        "step_deg": 5.0,
+        "whole_map": False,
+        "cutter_rotation_deg": (60, 110),
+        "turntable_deg": (-90, -60),
+    }
+    (one, _, document, _), (other, *_) = (posture(cell, stiffness, path, acts, mode=m, **some) for m in MODES)
+    assert np.array_equal(one.joints, other.joints)
+    share = f"by {100 * json.loads(document.content)['gap_to_bound']:.2g} % at most"
+    assert [told for told in other.warnings if share in told] == [*set(other.warnings) - {*one.warnings}]
+    (silent,) = {*posture(cell, None, path, acts, mode=MODES[1], **some)[0].warnings} - {*one.warnings}
+    assert "nothing says" in silent
 
 
 def test_without_a_turntable(cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness) -> None:

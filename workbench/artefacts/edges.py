@@ -188,9 +188,11 @@ class Characteristic:
 
     @property
     def verdicts(self) -> tuple[Verdict | None, ...]:
-        """Of each section (ISO 14253-1); None where nothing is required, or nothing was measured."""
+        """Of each section (ISO 14253-1), undecided where nothing was measured; None where nothing is required."""
         wanted = self.required
-        return tuple(pair and wanted and conformity(*pair, *wanted, self.guard_factor) for pair in self.pairs)
+        if wanted is None:
+            return (None,) * len(self.pairs)
+        return tuple(conformity(*pair, *wanted, self.guard_factor) if pair else "undecided" for pair in self.pairs)
 
     @property
     def budget(self) -> dict[str, float]:

@@ -65,6 +65,7 @@ def test_u_follows_the_linearity_that_is_declared(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
+        ({"triangulation_deg": 0.436}, r"\.triangulation_deg: expected .* 2"),
         ({"linearity_mm": -1}, r"\.linearity_mm: expected"),
         ({"linearity_um": 4}, r": unknown key 'linearity_um'; did you mean 'linearity_mm'"),
         ({"flange_from_profiler": 4}, ": says nothing of a sensor"),

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from workbench.result_files.contract import LayerRow, ToolpathFile, TravelPoint
 
 STRETCH = 5.0  # of a path against the lower edge at a tight turn; cm and inches differ by 10 and more
+LEAST_FEED_MM_S = 0.05  # 3 mm/min: no bevel is milled more slowly
 AHEAD = 0.5  # cosine of y with the advance: of a file in another order it is any
 PLACE_UNSAID = f"{SHAPE_ONLY}the file does not say what shows where the part stands in the robot's base"
 
@@ -50,6 +51,10 @@ def read(*, toolpath: InputFile) -> Toolpath:
     cut = [point for row in file.layers for point in row.points if point.cutting]
     if not cut:
         raise InputError(f"{where}.layers", "expected points that cut, found none")
+    fastest = max(point.feed_mm_s for point in cut)
+    if fastest < LEAST_FEED_MM_S:
+        told = f"expected feeds of {LEAST_FEED_MM_S:g} mm/s and more, found {fastest:.3g} at most: in m/s?"
+        raise InputError(f"{where}.layers", told)
     for i, layer in enumerate(layers):
         _check_advance(layer, f"{where}.layers[{i}].points")
     cutter = file.cutter

@@ -30,7 +30,7 @@ class SensorFile(ResultFile):
     measuring_range_mm: Limits | None = Field(default=None, description="nearest and farthest range")
     width_mm: Limits | None = Field(default=None, description="of the laser line at these ranges")
     camera_side: Literal["x", "-x", "y", "-y"] | None = Field(default=None, description="of the laser, where it looks")
-    triangulation_deg: Annotated[float, Field(gt=0, lt=90)] | None = None
+    triangulation_deg: Annotated[float, Field(ge=2, lt=90)] | None = None
     noise_mm: Positive | None = Field(default=None, description="standard deviation of one range")
     noise_columns: Positive | None = Field(default=None, description="over which neighbours share their noise")
     linearity_mm: Annotated[float, Field(ge=0, le=1)] | None = Field(

@@ -67,6 +67,8 @@ def test_what_was_not_done_as_planned_is_told(followed: Followed, tmp_path: Path
         planned, courses=(dataclasses.replace(course, base_from_profiler=tilted, frame_pitch_mm=1.0),)
     )
     document = json.loads(content)
+    of_path = json.loads(Path("data/synthetic/paths/raw_arc.json").read_text())["layers"][0]["points"][0]
+    assert document["passes"][0]["points"][0].keys() >= of_path.keys() - {"width_mm"}
     document["passes"] += [{**one, "index": 2, "elevation_deg": 80.0} for one in json.loads(content)["passes"]]
     for point in document["passes"][1]["points"]:
         point["position_mm"][2] += 200.0

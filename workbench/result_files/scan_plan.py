@@ -16,6 +16,9 @@ class ScanPoint(Row):
     arc_length_mm: Number
     position_mm: Vector
     quaternion_wxyz: Quaternion
+    feed_mm_s: Positive | None = Field(default=None, description="the pass's speed")
+    cutting: bool = False
+    measured: bool = True
     joints_deg: tuple[Number, Number, Number, Number, Number, Number] | None = Field(
         default=None, description="null: no cell was named"
     )

@@ -727,6 +727,9 @@ def _pass_row(made: ScanPlan, index: int, one: ScanPass, z_away: bool) -> dict[s
             "arc_length_mm": round(float(s), 6),
             "position_mm": np.round(p, 6).tolist(),
             "quaternion_wxyz": np.round(q, 9).tolist(),
+            "feed_mm_s": one.speed_mm_s,
+            "cutting": False,
+            "measured": True,
         }
         for s, p, q in zip(
             one.edge.arc_length_mm, poses[:, :3, 3], quaternion_from_rotation(poses[:, :3, :3]), strict=True

@@ -142,8 +142,9 @@ def test_the_fill_at_which_a_pixel_returns_is_told_by_its_depth(threshold: float
     assert np.abs(off).max() < 0.015
 
 
-def test_a_lower_surface_that_returns_in_half_of_the_frames_is_not_the_root_face(tmp_path: Path) -> None:
+@pytest.mark.parametrize("seed", [9_643_006, 13_800_007])
+def test_a_lower_surface_that_returns_in_half_of_the_frames_is_not_the_root_face(seed: int, tmp_path: Path) -> None:
     """Seen from below in a radius of 0.25 mm; its returns, up to 2 mm beyond the edge, were taken for its break."""
-    found = one(("below", "triangulated", 9_643_006, tmp_path, "product")).found["root_mm"]
+    found = one(("below", "triangulated", seed, tmp_path, "product")).found["root_mm"]
     assert np.abs(found.error / found.u).max() < 3.0
     assert found.u.max() < 0.03

@@ -456,6 +456,9 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool, footprints: Float) -> tuple[En
     # The lower surface may return in many of the frames: these say nothing of how the edge is broken.
     usual = float(np.percentile(last[:, 0], 25.0))
     alike = last[:, 0] <= 2.0 * usual + ONWARD[-1]
+    if usual >= LEAST_GROUPS:  # of a break that many columns show, how deep the last of them lies tells it, too
+        deep = np.nan_to_num(depth[:, 0])
+        alike &= deep <= 2.0 * max(float(np.percentile(deep, 25.0)), 0.0) + ONWARD[-1] * step
     depth = _between(depth[alike])
     mostly = np.append(np.isfinite(depth).mean(axis=0) > 0.5, False)
     depth = depth[:, : int(mostly.argmin())]

@@ -121,6 +121,7 @@ FAULTS: dict[str, tuple[Callable[[Toolpath], Toolpath], str]] = {
         "layer 1 cuts nothing but air",
     ),
     "a key point left out": (lambda p: change(p, **without(20)), "no point every mm"),
+    "the last key point but one left out": (lambda p: change(p, **without(last_key(p) - 1)), "no point every mm"),
     "the end left out": (lambda p: change(p, **without(slice(-14, None))), "from one end of the edge to the other"),
     "cutting what was not measured": (
         lambda p: change(p, measured=lambda q: q.measured & (q.arc_length_mm != 30)),
@@ -153,6 +154,11 @@ def without(rows: Any) -> dict[str, Callable[[Layer], Any]]:
     """Every column of a layer without some rows."""
     names = [f.name for f in dataclasses.fields(Layer) if f.name not in ("index", "height_mm")]
     return {name: (lambda layer, name=name: np.delete(getattr(layer, name), rows, axis=0)) for name in names}
+
+
+def last_key(path: Toolpath) -> int:
+    """Row of the point at the end of the edge, in every layer."""
+    return int(np.flatnonzero(path.layers[0].arc_length_mm <= path.edge_length_mm + 1e-6)[-1])
 
 
 def swapped(values: Float, row: int) -> Float:

@@ -85,6 +85,17 @@ def test_points_touched_beside_the_edge_are_measured_from_the_face_they_lie_on(s
     assert "mm off the scanned surface" in gate_of(sound, touched_mm=[beside[0] + 0.7 * out]).reason
 
 
+def test_a_point_touched_among_scattered_returns_lies_on_no_face(sound, touched):
+    """As where a clamp or chips returned: a plane through these would pass for the surface."""
+    toolpath, raw, points = sound
+    away = np.full(points.keep.shape, np.inf)
+    away[points.keep] = np.linalg.norm(points.points_mm - touched[0], axis=1)
+    scattered = points.z_mm + np.where(away < 8.0, np.random.default_rng(2).normal(0.0, 3.0, away.shape), 0.0)
+    placed = gate_of((toolpath, raw, replace(points, z_mm=scattered.astype(np.float32))), touched_mm=touched)
+    assert not placed.passed
+    assert "touched point 1 lies nowhere on the scanned surface" in placed.reason
+
+
 def test_two_passes_turned_about_the_edge_show_the_place(sound: tuple[Toolpath, RawEdge, Cloud]) -> None:
     """Where they see the edge in one place; turned about another axis they would share the hand-eye's error."""
     toolpath, raw, points = sound

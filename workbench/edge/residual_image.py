@@ -226,11 +226,11 @@ def _patches(sums: Float, column_mm: float, lean: Float, asked: FaceImage) -> Fa
     low = low[2 * low <= last]
     begins = np.union1d(low, last - low)  # the same from either end
     place = (np.arange(places) - 0.5 * (places - 1)) * column_mm * asked.wide
-    frame, found = np.arange(len(lean), dtype=float), []
+    whole, found = [np.arange(len(lean))], []
     for begin in begins:
         total, count = np.diff(sums[:, :, begin + asked.wide * np.arange(places + 1)], axis=2)
         value = np.where(count > 0.0, total / np.maximum(count, 1.0), np.nan)
-        found.append(_pooled(value, frame, place, lean, np.zeros(len(lean), np.int64), 1))
+        found.append(_image(value, whole, np.zeros((1, 2)), place, lean, np.zeros(1, np.int64)))
     some = [(one.mean, one.noise) for one in found if one is not None]
     if not some:
         return None
@@ -239,20 +239,27 @@ def _patches(sums: Float, column_mm: float, lean: Float, asked: FaceImage) -> Fa
     return FaceImage(np.zeros((lean.size, 2)), mean, noise, place, lean, np.zeros(lean.size, np.int64))
 
 
-def _pooled(value: Float, s: Float, place_mm: Float, lean: Float, group: Int, most: int = 1000) -> FaceImage | None:
+def _pooled(value: Float, s: Float, place_mm: Float, lean: Float, group: Int) -> FaceImage | None:
     """The image of residuals (f, p) of frames at s (f,), mm, by stretches of each pass, group (f,) its number."""
     passes = int(group.max()) + 1
-    stretches = max(1, min(math.floor(np.ptp(s) / STRETCH_MM), len(value) // (STRETCH_FRAMES * passes), most))
+    stretches = max(1, min(math.floor(np.ptp(s) / STRETCH_MM), len(value) // (STRETCH_FRAMES * passes)))
     stretch = np.minimum((s - s.min()) / max(float(np.ptp(s)), 1e-9) * stretches, stretches - 1).astype(np.int64)
     stretch += group * stretches
-    frames = [np.flatnonzero(stretch == k) for k in range(stretches * passes)]
-    # one stretch of all frames: these see other parts of the face, which are no change
-    parts = [[mine] if most == 1 else _alike(value, mine[np.argsort(s[mine])]) for mine in frames]
-    of = [one for pieces in parts for one in pieces]
-    whole = [len(pieces) == 1 for pieces in parts for _ in pieces]
-    holds = [
-        2 * [s[one].mean()] if alike else [s[one].min(), s[one].max()] for one, alike in zip(of, whole, strict=True)
-    ]
+    of, holds = [], []
+    for k in range(stretches * passes):
+        mine = np.flatnonzero(stretch == k)
+        if mine.size < LEAST_FRAMES:
+            continue
+        parts = _alike(value, mine[np.argsort(s[mine])])
+        of += parts
+        holds += [[s[one].min(), s[one].max()] if len(parts) > 1 else 2 * [s[one].mean()] for one in parts]
+    return _image(value, of, np.array(holds), place_mm, lean, np.array([group[one[0]] for one in of], np.int64))
+
+
+def _image(
+    value: Float, of: Sequence[Int], holds: Float, place_mm: Float, lean: Float, numbers: Int
+) -> FaceImage | None:
+    """The image of residuals (f, p), averaged over the frames `of` each of k stretches; holds (k, 2), mm."""
     known = np.isfinite(value)
     count = [known[mine].sum(axis=0) for mine in of]
     keep = [k for k, one in enumerate(count) if one.min() >= LEAST_FRAMES]
@@ -268,8 +275,7 @@ def _pooled(value: Float, s: Float, place_mm: Float, lean: Float, group: Int, mo
     counted = np.array([count[k].mean() for k in keep]) / _together(left)
     noise = covariance[None] / counted[:, None, None]
     leans = np.array([median(lean[of[k]]) for k in keep])
-    numbers = np.array([group[of[k][0]] for k in keep])
-    return FaceImage(np.array(holds)[keep], middle, noise, place_mm, leans, numbers)
+    return FaceImage(holds[keep], middle, noise, place_mm, leans, numbers[keep])
 
 
 def _between(at: Float, holds: Float, rows: Float) -> Float:

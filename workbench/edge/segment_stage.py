@@ -40,7 +40,15 @@ from workbench.edge.parameters import (
     RootNominal,
     usual_noise_mm,
 )
-from workbench.edge.residual_image import ASIDE_MM, FaceForm, Linearity, declared_linearity, face_image, forms
+from workbench.edge.residual_image import (
+    ASIDE_MM,
+    FaceForm,
+    FaceImage,
+    Linearity,
+    declared_linearity,
+    face_image,
+    forms,
+)
 from workbench.edge.sizes import EndTerms, corrected_angles, sizes, straightened
 from workbench.edge.steps import burr_stations, waves_u
 from workbench.edge.unseen import (
@@ -294,12 +302,14 @@ def _forms(
     faces = measured.faces
     root_turn, bevel_turn = face_turns(faces, faces.root.s)
     bows = {ROOT_FACE: faces.root.bow_in_range(root_turn), BEVEL_FACE: faces.bevel.bow_in_range(bevel_turn)}
-    own = {ROOT_FACE: np.where(faces.own, measured.s_low, np.nan)}
+
+    def image(of: int, s: Float) -> FaceImage | None:
+        return face_image(cloud, tracked.labels, tracked.faces[of], of, tracked.side, s, bows.get(of))
+
+    own = np.where(faces.own, measured.s_low, np.nan)
     images = [
-        face_image(
-            cloud, tracked.labels, tracked.faces[of], of, tracked.side, own.get(of, measured.s_low), bows.get(of)
-        )
-        for of in (ROOT_FACE, BEVEL_FACE, LOWER_SURFACE, UPPER_SURFACE)  # the last tells of the sensor
+        image(ROOT_FACE, own) or image(ROOT_FACE, measured.s_low),
+        *(image(of, measured.s_low) for of in (BEVEL_FACE, LOWER_SURFACE, UPPER_SURFACE)),  # the last: of the sensor
     ]
     either = either_piece_u(checks)
     root, bevel, lower, _ = forms(images, at, sensor)

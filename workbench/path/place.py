@@ -25,7 +25,7 @@ Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
 Points = Annotated[list[tuple[Coordinate, Coordinate, Coordinate]], Field(min_length=1, max_length=50)]
 TOUCHED_MM = 0.5  # from the scanned surface, of a point that the tool touched: both of one place
 AROUND_MM = 4.0  # of a touched point, in which the scan tells the surface
-LEAST_RETURNS = 12
+LEAST_RETURNS, LEAST_OF_FACE = 12, 0.2  # and share of the returns there: scattered ones lie near any plane
 FITS = 10  # of a face to the returns that lie in it
 GROSS_MM, GROSS = 50.0, 10.0 * DEG  # by which a scan may stand elsewhere, where nothing says where
 KNOWN_MM = 1.0  # how well points that were touched must tell the edge's place beside it, coverage 2
@@ -75,10 +75,11 @@ def _touched(edge: Edge, cloud: Cloud, touched: Points) -> tuple[list[str], floa
     points, rows, faults = cloud.points_mm if touched else np.empty((0, 3)), [], []
     for i, place in enumerate(np.array(touched, float).reshape(-1, 3)):
         near = points[(np.abs(points - place) < AROUND_MM).all(axis=1)]
-        if len(near) < LEAST_RETURNS:
+        face = _face(near, place)
+        if face is None:
             faults.append(f"touched point {i + 1} lies nowhere on the scanned surface: another part, or another place")
             continue
-        centre, normal = _face(near, place)
+        centre, normal = face
         off = float(abs(normal @ (place - centre)))
         if off > TOUCHED_MM:
             faults.append(f"touched point {i + 1} lies {off:.2f} mm off the scanned surface, at most {TOUCHED_MM:g}")
@@ -96,10 +97,13 @@ def _touched(edge: Edge, cloud: Cloud, touched: Points) -> tuple[list[str], floa
     return faults, worst
 
 
-def _face(near: Float, place: Float) -> tuple[Float, Float]:
-    """Middle and normal of the face nearest to a place: what lies across an edge from it is left out."""
+def _face(near: Float, place: Float) -> tuple[Float, Float] | None:
+    """Middle and normal of the face on which a place lies, grown from the returns nearest; None: there is none."""
     order = np.argsort(np.linalg.norm(near - place, axis=1))
-    found = []
+    found: list[tuple[int, Float, Float]] = []
+    least = max(LEAST_RETURNS, LEAST_OF_FACE * len(near))
+    if len(near) < least:
+        return None
     for few in (LEAST_RETURNS, 4 * LEAST_RETURNS, 16 * LEAST_RETURNS):
         belongs = np.zeros(len(near), bool)
         belongs[order[:few]] = True
@@ -107,9 +111,11 @@ def _face(near: Float, place: Float) -> tuple[Float, Float]:
             centre = near[belongs].mean(axis=0)
             normal = np.linalg.svd(near[belongs] - centre, full_matrices=False)[2][2]
             belongs = np.abs((near - centre) @ normal) < TOUCHED_MM / 2
-        found.append((belongs.sum(), centre, normal))
-    _, centre, normal = max(found, key=lambda one: one[0])
-    return centre, normal
+            if belongs.sum() < least:
+                break
+        else:
+            found.append((int(belongs.sum()), centre, normal))
+    return max(found, key=lambda one: one[0])[1:] if found else None
 
 
 def _cross(v: Float) -> Float:

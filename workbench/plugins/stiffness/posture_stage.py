@@ -133,7 +133,7 @@ def posture(
         least_margin: with modes: least ratio of unstable depth, less U, to the depth.
         stations: number of places at which that is judged.
         mode: `constant`: one pair of angles for all points; `along_path`: that too, with what angles of each point's
-            own would win at most: 0.4 % on the paths examined (docs/stiffness.md).
+            own would win at most.
 
     Raises:
         InputError: out of reach or colliding at every angle; too fine a grid for a robot without fast kernels; another

@@ -200,6 +200,25 @@ REAL = Path(__file__).parents[3] / "shared" / "data" / "real" / "gocator_gage_rr
 OTHERS = {"part": "SN", "operator": "Who", "trial": "Run"}
 
 
+@pytest.mark.parametrize(
+    ("in_radians", "settings", "words"),
+    [
+        (["reference"], {}, "bevel_deg is 0.698 by operator 'reference', 40 by operator 'A': .* in radians"),
+        (["A", "B"], {}, "40 by operator 'reference', 0.698 by operator 'A': .* in radians"),
+        (["B"], {}, "0.699 by operator 'B'"),
+        ([], {"bevel_limits_deg": (0.68, 0.716)}, "0.698 by its limits"),
+        ([], {"root_limits_mm": (0.001, 0.002)}, "root_mm is 0.0015 by its limits, .* in metres"),
+    ],
+)
+def test_one_study_has_one_unit(in_radians: list[str], settings: dict[str, Any], words: str, tmp_path: Path) -> None:
+    """Values of one operator, of the reference, or limits in radians or metres: their biases were reported."""
+    head, lines = "part,operator,trial,section,root_mm,bevel_deg\n", []
+    for who, trial, off in (("A", 1, 0.0), ("A", 2, 0.01), ("B", 1, 0.02), ("B", 2, 0.04), ("reference", 1, 0.02)):
+        lines.append(f"P,{who},{trial},1,{1.5 + off},{np.radians(40 + off) if who in in_radians else 40 + off}")
+    with pytest.raises(InputError, match=words):
+        study(study=written(tmp_path, head + "\n".join(lines)), **settings)
+
+
 def test_any_characteristic_of_any_table(tmp_path: Path) -> None:
     """A plain table with columns of its own: the same numbers as the same values in this project's columns."""
     rng = np.random.default_rng(5)

@@ -18,10 +18,12 @@ from workbench.compare.measurements import (
     read_inspection,
 )
 from workbench.errors import InputError
+from workbench.parameters import MISTAKEN
 from workbench.stage import InputFile, stage
 from workbench.units import Float
 
 LEAST_VALUES = 4  # that are equal one by one: fewer may be by chance, rounded as gauges show them
+ALIKE = 0.2  # of a size, within which another one is the same in another unit
 APART_MM = 1.0  # sections of one number that lie farther apart measure different places
 Limits = tuple[float, float]
 
@@ -125,6 +127,22 @@ def limits_of(given: Limits | None, mine: Sequence[Measurement], name: str, wher
     return low, high
 
 
+def refuse_other_units(study: Study, reference_operator: str, where: str) -> None:
+    """Refuse an operator, the reference or limits in another unit than the first operator's: 57.3 or 1000 times off."""
+    for name in (name for name in study.measured if study.unit_of(name) in MISTAKEN):
+        mistaken, converted = MISTAKEN[study.unit_of(name)]
+        told = {f"operator '{who}'": study.measured[name][:, o] for o, who in enumerate(study.operators)}
+        told |= {f"operator '{reference_operator}'": study.reference[name]}
+        told |= {"its limits": np.array(study.limits.get(name, np.nan))}
+        sizes = {who: np.abs(one[np.isfinite(one)]) for who, one in told.items()}
+        (first, usual), *others = ((who, float(np.median(one))) for who, one in sizes.items() if one.size)
+        for who, size in others:
+            small, large = sorted((usual, size))
+            if abs(converted(small) - large) < ALIKE * large:
+                what = f"{name} is {size:.3g} by {who}, {usual:.3g} by {first}: one of them in {mistaken}?"
+                raise InputError(where, f"expected one unit: {what}")
+
+
 def mean_of_seen(values: Float, axis: tuple[int, ...]) -> Float:
     """Mean of what is there; NaN where nothing is."""
     count = np.isfinite(values).sum(axis=axis)
@@ -173,7 +191,7 @@ def study(
         unit: of characteristics without a unit in their names.
 
     Raises:
-        InputError: unreadable, unbalanced, fewer than two trials, or trials that are copies.
+        InputError: unreadable, unbalanced, fewer than two trials, trials that are copies, values in different units.
 
     Example:
         >>> from workbench import compare
@@ -211,7 +229,7 @@ def study(
     refuse_copies({name: table[name] for name in names}, parts, operators, where)
     reference = reference_of(others, parts, sections, names)
     given: dict[str, Limits | None] = {"root_mm": root_limits_mm, "bevel_deg": bevel_limits_deg, **limits}
-    return Study(
+    made = Study(
         parts=tuple(parts),
         operators=tuple(operators),
         trials=len(next(iter(cells.values()))),
@@ -227,3 +245,5 @@ def study(
         part=shared([one.identity for one in found]),
         warnings=apart(table["arc_length_mm"]),
     )
+    refuse_other_units(made, reference_operator, where)
+    return made

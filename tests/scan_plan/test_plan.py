@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -253,6 +254,18 @@ def test_other_languages(shipped: Made, controller: Any, file: str) -> None:
     assert made[-1].passed
     assert made[-1].loosened  # the cell's words are for another controller
     assert file in documents(made)
+
+
+@pytest.mark.parametrize("hasty", [0, 1])
+def test_programs_are_written_all_or_none(shipped: Made, hasty: int) -> None:
+    """Of two passes one is faster than the robot: the other's program was written beside the refusal."""
+    passes = [shipped.plan.passes[0]] * 2
+    passes[hasty] = dataclasses.replace(passes[hasty], speed_mm_s=9000.0)
+    made = program(dataclasses.replace(shipped.plan, passes=tuple(passes)), robot.cell(cell=CELL), scanner_mass_kg=3)
+    assert not made[-1].passed
+    assert list(documents(made)) == [f"scan_check_{hasty + 1}.json"]
+    (chapter,) = [one for one in made if isinstance(one, Chapter)]
+    assert "not released" in chapter.summary
 
 
 def test_what_is_not_known_is_not_checked(shipped: Made) -> None:

@@ -43,7 +43,7 @@ def program(
     scanner_mass_kg: Annotated[float, Field(gt=0, le=100)] | None = None,
     scanner_centre_mm: Triple = (0.0, 0.0, 50.0),
 ) -> tuple[Document | Chapter | Gate, ...]:
-    """Write a program for each pass of a planned scan (docs/scan_planning.md).
+    """Write a program for each pass of a planned scan (docs/scan_planning.md): all of them, or none if one is refused.
 
     Home, profiler on (`trigger_signal`), the pass, off, home; judged as a milling program (docs/programs.md). The head
     says how to log the poses.
@@ -90,29 +90,39 @@ def program(
         }
     )
     place = _equipped(plan.scan_cell, process, scanner_mass_kg, scanner_centre_mm)
-    out: list[Document | Chapter] = []
-    gates = []
+    every = []
     for number, one in enumerate(plan.passes, 1):
         moves, gate = _moves(plan, place, one, number, logged)
-        written = write(
-            moves,
-            gate,
-            place,
-            controller=controller,
-            name=f"{name}{number}",
-            procedure=f"Scan{number}",
-            tool_name="tScan",
-            work_object_name="woScan",
+        every.append(
+            write(
+                moves,
+                gate,
+                place,
+                controller=controller,
+                name=f"{name}{number}",
+                procedure=f"Scan{number}",
+                tool_name="tScan",
+                work_object_name="woScan",
+            )
         )
-        for made in written:
-            if isinstance(made, Document):
-                check = made.name == "program_check.json"
-                out.append(dataclasses.replace(made, name=f"scan_check_{number}.json") if check else made)
-            elif isinstance(made, Chapter):
-                out.append(dataclasses.replace(made, title=f"Program of pass {number}"))
-            elif isinstance(made, PathGate):
-                gates.append(made)
+    gates = [next(one for one in written if isinstance(one, PathGate)) for written in every]
+    whole = all(gate.passed for gate in gates)
+    out = [
+        _of_pass(one, number)
+        for number, (written, gate) in enumerate(zip(every, gates, strict=True), 1)
+        if whole or not gate.passed  # a scan with a pass left out is no scan
+        for one in written
+        if isinstance(one, Document | Chapter)
+    ]
     return (*out, _joined(gates))
+
+
+def _of_pass(made: Document | Chapter, number: int) -> Document | Chapter:
+    """What is written of a pass, under a name of its own."""
+    if isinstance(made, Chapter):
+        return dataclasses.replace(made, title=f"Program of pass {number}")
+    check = made.name == "program_check.json"
+    return dataclasses.replace(made, name=f"scan_check_{number}.json") if check else made
 
 
 def _joined(gates: list[PathGate]) -> Gate:

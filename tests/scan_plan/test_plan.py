@@ -16,7 +16,7 @@ from tests.seldom import seldom
 from workbench import edge, robot
 from workbench.artefacts import Chapter, Document, Gate
 from workbench.errors import InputError
-from workbench.result_files import ScanPlanFile
+from workbench.result_files import ScanPlanFile, result_schema
 from workbench.scan_plan import ScanPlan, plan, program
 
 DATA = Path(__file__).resolve().parents[2] / "data"
@@ -207,6 +207,15 @@ def test_bad_input_ends_in_one_line(tmp_path: Path) -> None:
         assert "\n" not in str(told.value)
     with pytest.raises(InputError, match="out of the robot's reach"):
         in_cell(edge=far)
+
+
+def test_what_a_sensor_file_records_only_says_so_and_changes_nothing(tmp_path: Path, short: tuple[Path, Made]) -> None:
+    said = {name: str(one.get("description")) for name, one in result_schema("sensor.json")["properties"].items()}
+    recorded = {name for name, words in said.items() if words.startswith("recorded only")}
+    assert recorded == {"name", "line_thickness_mm", "filters"}
+    line, before = short
+    other = sensor(tmp_path, name="another", line_thickness_mm=4.0, filters=["median"])
+    assert made(edge=line, passes=1, sensor=other).file == before.file
 
 
 def test_a_rough_root_face_is_told_before_anything_moves(short: tuple[Path, Made]) -> None:

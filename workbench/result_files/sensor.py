@@ -25,7 +25,7 @@ class SensorFile(ResultFile):
     """`sensor.json`: what a user declares of the profiler. Of no part."""
 
     NAME: ClassVar[str] = "sensor.json"
-    name: str | None = None
+    name: str | None = Field(default=None, description="recorded only: nothing is computed from it")
     columns: Annotated[int, Field(ge=2, le=100_000)] | None = None
     measuring_range_mm: Limits | None = Field(default=None, description="nearest and farthest range")
     width_mm: Limits | None = Field(default=None, description="of the laser line at these ranges")
@@ -39,8 +39,8 @@ class SensorFile(ResultFile):
     linearity_length_mm: Positive | None = Field(
         default=None, description="lateral length over which it changes: its correlation length; a quarter of a wave's"
     )
-    line_thickness_mm: Positive | None = None
-    filters: tuple[str, ...] | None = None
+    line_thickness_mm: Positive | None = Field(default=None, description="recorded only, likewise")
+    filters: tuple[str, ...] | None = Field(default=None, description="recorded only, likewise")
     body: tuple[Box, ...] | None = None
 
     @model_validator(mode="after")

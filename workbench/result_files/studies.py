@@ -281,6 +281,10 @@ class MillingForceFile(PartFile):
     NAME: ClassVar[str] = "milling_force.json"
     format: Literal["milling-force"]
     version: Literal[1]
+    frame: Literal["point"] = Field(
+        default="point",
+        description="each point's own, as in toolpath.json: x into the material, y along the feed, z to the tip",
+    )
     layers: list[ForceRow]
 
 

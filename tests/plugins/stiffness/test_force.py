@@ -1,5 +1,6 @@
 """Milling force against the averaged formulas of a slot, symmetry, runout, and the stage on a path."""
 
+import json
 from dataclasses import replace
 from typing import Any
 
@@ -18,6 +19,7 @@ from workbench.api import (
 from workbench.errors import InputError
 from workbench.plugins.stiffness import force
 from workbench.plugins.stiffness.force_stage import PUBLISHED, STEPS, CuttingCoefficients, Teeth, milling_force
+from workbench.result_files import result_schema
 
 C = PUBLISHED["al7075_t6"]
 CUTTER = Cutter()
@@ -116,6 +118,8 @@ def test_stage_on_a_path(path: Toolpath) -> None:
     assert (layer.mean_n[0] == 0).all()
     assert np.allclose(np.linalg.norm(layer.peak_n[1:], axis=1), np.linalg.norm(expected, axis=1).max())
     assert document.name == "milling_force.json"
+    assert json.loads(document.content)["frame"] == "point"
+    assert "x into the material" in result_schema(document.name)["properties"]["frame"]["description"]
 
 
 def test_engagement_counts(path: Toolpath) -> None:

@@ -54,7 +54,8 @@ def force(
 ) -> tuple[MillingForce, Document]:
     """Mechanistic milling force at every path point: mean vector and peak of a revolution (the paper's section 6.2).
 
-    Feed, flutes and diameter come with the path.
+    Feed, flutes and diameter come with the path. Forces act on the cutter, in each point's frame as `toolpath.json` has
+    it: x into the material, y along the feed, z along the cutter's axis to its tip.
 
     Args:
         toolpath: points, feed, cutter.
@@ -174,6 +175,7 @@ def _document(found: MillingForce, part: Part) -> Document:
         "milling_force.json",
         {
             "part": asdict(part),
+            "frame": "point",
             "coefficients": found.source,
             "spindle_rpm": found.spindle_rpm,
             "layers": [

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from workbench.artefacts import Chapter, Moves, PathGate, Toolpath
+from workbench.artefacts import Chapter, Document, Moves, PathGate, Toolpath
 from workbench.dialect import plain
 from workbench.errors import InputError
 from workbench.path import simplify
+from workbench.pipeline import Pipeline
 from workbench.program import csv, write
 from workbench.report import html
 from workbench.robot import Cell, read_cell
@@ -66,7 +67,22 @@ def test_without_a_cell_there_is_no_program(write: Callable[..., Any], path: Too
     (left,) = write(simplify(path), gate)
     assert left is gate or "no program for kuka: it needs the robot's cell" in left.cause
     assert left.clean == (left is gate)
-    assert csv(path, gate) is not None
+    assert csv(path, left) is not None
+
+
+def test_a_controller_without_a_cell_leaves_the_table_of_the_path() -> None:
+    """As the contract has it; the exit status is 1."""
+    stages = [
+        {"stage": "path.read", "toolpath": str(DATA.parent / "synthetic/paths/raw_arc.json")},
+        {"stage": "path.check_file"},
+        {"stage": "path.simplify"},
+        {"stage": "program.write", "controller": "kuka"},
+        {"stage": "program.csv"},
+    ]
+    found = Pipeline({"version": 1, "title": "t", "inputs": {}, "stages": stages}).run()
+    assert found.last(Document).name == "toolpath.csv"
+    assert not found.passed
+    assert "no program for kuka: it needs the robot's cell (input 'cell')" in found.decisions[-1].cause
 
 
 @pytest.mark.parametrize(

@@ -145,6 +145,7 @@ class Judgement:
 
 NOT_CHECKED = "NOT CHECKED: "  # begins what of `Gate.loosened` was not looked at
 SHAPE_ONLY = "SHAPE ONLY: "  # begins what of `Gate.loosened` says that nothing shows where the part stands
+NO_PROGRAM = "no program for "  # likewise that a program was asked for, and none could be: of the path it says nothing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,8 +181,8 @@ class Gate:
 
     @property
     def only_place_open(self) -> bool:
-        """Passed, with every check in full force but that of where the part stands."""
-        return self.passed and all(text.startswith(SHAPE_ONLY) for text in self.loosened)
+        """Passed, with every check of the path in full force but that of where the part stands."""
+        return self.passed and all(text.startswith((SHAPE_ONLY, NO_PROGRAM)) for text in self.loosened)
 
     @property
     def verdict(self) -> Verdict:

@@ -11,7 +11,7 @@ from pydantic import AfterValidator, Field
 
 from workbench import pieces
 from workbench.artefacts import Chapter, Check, Document, Judgement, Moves, Part, PathGate, ProgramMoves, RobotCell
-from workbench.artefacts.decisions import NOT_CHECKED
+from workbench.artefacts.decisions import NO_PROGRAM, NOT_CHECKED
 from workbench.dialect import Dialect, MillingTool, ProgramJob, nearest_words, place, released, write_program
 from workbench.errors import InputError
 from workbench.geometry.moves import chords_mm
@@ -101,7 +101,7 @@ def write(
         released(name, moves.toolpath, gate, cell, moves)
         if controller is None or not gate.passed:
             return (gate,)
-        said = f"no program for {controller}: it needs the robot's cell (input 'cell')"
+        said = f"{NO_PROGRAM}{controller}: it needs the robot's cell (input 'cell')"
         return (dataclasses.replace(gate, loosened=(*gate.loosened, said)),)
     if chosen is None:
         raise InputError(

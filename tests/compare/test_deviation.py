@@ -81,6 +81,18 @@ def test_mesh_and_its_outside() -> None:
     assert "taken as mm" in chapter.warnings
 
 
+@pytest.mark.parametrize("outside", [1, -1])
+def test_places_look_out_of_the_mesh(outside: int) -> None:
+    """Turned inside out, its triangles turn all normals and distances; the scan does not know an outside."""
+    mesh, scan = box(), scanned(4, step_mm=0.06)
+    assert mesh.triangles is not None
+    turned = replace(mesh, triangles=mesh.triangles[:, ::outside])
+    found = deviation(surface(None, PointSet(scan.points_mm)), turned, position_u_mm=0.0)[0]
+    assert ((outside * found.normal).max(axis=1) > 0.9).all()
+    middle = (np.abs(found.position_mm[:, 0] - AT[0] - LENGTH / 2) < 4) & (np.abs(found.normal[:, 1]) > 0.9)
+    assert np.nanmean(found.distance_mm[middle]) == pytest.approx(outside * 0.06, abs=1e-3)
+
+
 def test_surfaces_apart_are_refused() -> None:
     far = replace(scanned(1), points_mm=scanned(1).points_mm + np.array([0.0, 0.0, 30.0]))
     with pytest.raises(InputError, match=r"only \d+ of \d+ places find the reference"):

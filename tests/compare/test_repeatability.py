@@ -203,9 +203,9 @@ OTHERS = {"part": "SN", "operator": "Who", "trial": "Run"}
 @pytest.mark.parametrize(
     ("in_radians", "settings", "words"),
     [
-        (["reference"], {}, "bevel_deg is 0.698 by operator 'reference', 40 by operator 'A': .* in radians"),
-        (["A", "B"], {}, "40 by operator 'reference', 0.698 by operator 'A': .* in radians"),
-        (["B"], {}, "0.699 by operator 'B'"),
+        (["reference"], {}, "bevel_deg is 0.698 by reference, 40 by A: .* in radians"),
+        (["A", "B"], {}, "40 by reference, 0.698 by A: .* in radians"),
+        (["B"], {}, "0.699 by B"),
         ([], {"bevel_limits_deg": (0.68, 0.716)}, "0.698 by its limits"),
         ([], {"root_limits_mm": (0.001, 0.002)}, "root_mm is 0.0015 by its limits, .* in metres"),
     ],

@@ -131,11 +131,9 @@ def refuse_other_units(study: Study, reference_operator: str, where: str) -> Non
     """Refuse an operator, the reference or limits in another unit than the first operator's: 57.3 or 1000 times off."""
     for name in (name for name in study.measured if study.unit_of(name) in MISTAKEN):
         mistaken, converted = MISTAKEN[study.unit_of(name)]
-        told = {f"operator '{who}'": study.measured[name][:, o] for o, who in enumerate(study.operators)}
-        told |= {f"operator '{reference_operator}'": study.reference[name]}
-        told |= {"its limits": np.array(study.limits.get(name, np.nan))}
-        sizes = {who: np.abs(one[np.isfinite(one)]) for who, one in told.items()}
-        (first, usual), *others = ((who, float(np.median(one))) for who, one in sizes.items() if one.size)
+        told = {study.operators[o]: study.measured[name][:, o] for o in range(len(study.operators))}
+        told |= {reference_operator: study.reference[name], "its limits": np.array(study.limits.get(name, np.nan))}
+        (first, usual), *others = ((who, float(mean_of_seen(np.abs(one), None))) for who, one in told.items())
         for who, size in others:
             small, large = sorted((usual, size))
             if abs(converted(small) - large) < ALIKE * large:
@@ -143,7 +141,7 @@ def refuse_other_units(study: Study, reference_operator: str, where: str) -> Non
                 raise InputError(where, f"expected one unit: {what}")
 
 
-def mean_of_seen(values: Float, axis: tuple[int, ...]) -> Float:
+def mean_of_seen(values: Float, axis: tuple[int, ...] | None) -> Float:
     """Mean of what is there; NaN where nothing is."""
     count = np.isfinite(values).sum(axis=axis)
     return np.asarray(np.where(count > 0, np.nansum(values, axis=axis) / np.maximum(count, 1), np.nan))

@@ -24,6 +24,7 @@ MOST_SWEEP = 170.0 * math.pi / 180.0  # of one arc: slerp takes the short way, a
 LEAST_CHORD_MM = 1.0  # of an arc, from start to target; ABB's own limit is 0.1 mm
 BACKWARDS = 1e-9  # rounding of the place along a move that still counts as the same place
 CENTRE, RADIUS, ALONG, INWARD, NORMAL, CIRCLE = 0, 3, 4, 7, 10, 13  # a circle as one row of numbers
+ON_A_LINE = 1e-12  # square of a sine
 
 
 class PoseRun(NamedTuple):
@@ -95,7 +96,7 @@ def _merge(run: PoseRun, stop: Int, tolerances: Float, least_sweep: float) -> tu
         if least_sweep < np.inf:
             arc_end = _farthest(True, run, i, stop[i + 1], tolerances, circle)
             if arc_end > end:
-                sweep = _circle(run.position, i, _middle(run.length, i, arc_end), arc_end, circle)
+                sweep = circle_through(run.position, i, _middle(run.length, i, arc_end), arc_end, circle)
                 if sweep >= least_sweep and 2.0 * circle[RADIUS] * math.sin(sweep / 2.0) >= LEAST_CHORD_MM:
                     end, circular[k] = arc_end, True
                     _on_circle(circle, sweep / 2.0, via, k)
@@ -131,7 +132,7 @@ def _fits(arc: bool, run: PoseRun, i: int, j: int, tolerances: Float, circle: Fl
         slowest, fastest = min(slowest, feed[k, 0]), max(fastest, feed[k, 0])
     if fastest > (1.0 + feed[j, 1]) * slowest * (1.0 + 1e-12):
         return False
-    sweep = _circle(p, i, _middle(run.length, i, j), j, circle) if arc else 0.0
+    sweep = circle_through(p, i, _middle(run.length, i, j), j, circle) if arc else 0.0
     if sweep > MOST_SWEEP:
         return False
     sign, turn = _turn(q, i, j)
@@ -193,7 +194,7 @@ def _middle(length: Float, i: int, j: int) -> int:
 
 
 @kernel
-def _circle(p: Float, i: int, m: int, j: int, circle: Float) -> float:
+def circle_through(p: Float, i: int, m: int, j: int, circle: Float) -> float:
     """Fill in the circle through poses i, m, j and return its sweep from i over m to j; 0 if they lie on a line."""
     aa, bb, ab, nn = 0.0, 0.0, 0.0, 0.0  # of a from i to m and b from i to j, and their cross product
     for c in range(3):
@@ -201,7 +202,7 @@ def _circle(p: Float, i: int, m: int, j: int, circle: Float) -> float:
         a, b = p[m, c] - p[i, c], p[j, c] - p[i, c]
         circle[NORMAL + c] = (p[m, d] - p[i, d]) * (p[j, e] - p[i, e]) - (p[m, e] - p[i, e]) * (p[j, d] - p[i, d])
         aa, bb, ab, nn = aa + a * a, bb + b * b, ab + a * b, nn + circle[NORMAL + c] ** 2
-    if nn <= 1e-24 * aa * bb:
+    if nn <= ON_A_LINE * aa * bb:
         return 0.0
     square = 0.0
     for c in range(3):

@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workbench.artefacts import ProgramMove, ProgramMoves
+from workbench.geometry import moves
 from workbench.geometry.poses import (
     inverse,
     pose_from,
@@ -256,23 +257,13 @@ def _leg(
         length = float(np.linalg.norm(end[:3, 3] - start[:3, 3]))
         return _Leg(i, move, STRAIGHT, tool, start, end, tables, length=length)
     assert move.via is not None
-    centre, turn = _circle(start[:3, 3], (frame @ move.via)[:3, 3], end[:3, 3], move.line)
-    length = float(np.linalg.norm(start[:3, 3] - centre) * np.linalg.norm(turn))
-    return _Leg(i, move, CIRCULAR, tool, start, end, tables, None, centre, turn, length)
-
-
-def _circle(a: Float, via: Float, b: Float, line: int) -> tuple[Float, Float]:
-    """Centre and rotation vector of the arc from a over via to b."""
-    u, v = via - a, b - a
-    normal = np.cross(u, v)
-    size = float(normal @ normal)
-    if size <= 1e-12 * float(u @ u) * float(v @ v):
-        raise WayError(line, "a circular move whose three points lie on a line")
-    centre = a + np.cross((u @ u) * v - (v @ v) * u, normal) / (2 * size)
-    axis, arm = normal / np.sqrt(size), a - centre
-    end = b - centre
-    sweep = np.arctan2(np.cross(arm, end) @ axis, arm @ end) % (2 * np.pi)
-    return centre, axis * sweep
+    circle = np.empty(moves.CIRCLE)
+    sweep = moves.circle_through(np.stack([start, frame @ move.via, end])[:, :3, 3].copy(), 0, 1, 2, circle)
+    if not sweep:
+        raise WayError(move.line, "a circular move whose three points lie on a line")
+    centre, axis = (circle[first : first + 3] for first in (moves.CENTRE, moves.NORMAL))
+    length = float(circle[moves.RADIUS]) * sweep
+    return _Leg(i, move, CIRCULAR, tool, start, end, tables, None, centre, axis * sweep, length)
 
 
 def _rounded(legs: list[_Leg]) -> list[tuple[_Leg, _Leg | None]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,8 +22,6 @@ from workbench.api import (
     PartNames,
     Shaped,
     estimator,
-    inverse,
-    mapped,
     pose_from,
     rotation_from_vector,
     stage,
@@ -54,7 +51,6 @@ LEAST_POSTURES = 4
 SAME_MM, SAME = 0.1, 0.02 * DEG  # between flange poses: less is the same posture, as a robot repeats it
 MOST_MM = 5.0  # that readings may lie off, RMS an axis: no robot is so badly built, as the lengths' prior says
 BEYOND = 5.0  # standard deviations of how a robot is built
-START_ROUNDS = 30  # of registration and lever arms in turn, each by medians
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,7 +84,7 @@ class Tracking:
 
     def __init__(self, seen: Seen, chain: Chain | None, arm: ArmErrors, sigma: tuple[float, float, float]) -> None:
         """`sigma`: of a reading (mm), of the flange's position (mm) and orientation (rad), each axis."""
-        self.seen, self.chain, self.arm, self.posture = seen, chain, arm, seen.posture
+        self.seen, self.chain, self.arm, self.posture, self.sigma = seen, chain, arm, seen.posture, sigma
         self.alone, self.spread = sigma[0] ** 2 * np.eye(3), np.repeat(sigma[1:], 3)
 
     def rows(self, at: Tracked) -> estimator.Rows:
@@ -116,22 +112,11 @@ class Tracking:
         return Tracked(frame, at.target_mm + step[6:last].reshape(-1, 3), at.errors + step[last:])
 
     def begun(self) -> Tracked:
-        """Registration and targets of the robot as built, in turn and by medians: a blunder does not draw them."""
-        seen, weight, frame = self.seen, np.ones(len(self.seen.lines)), np.eye(4)
-        points = np.zeros((len(seen.targets), 3))
-        for _ in range(START_ROUNDS):
-            at = mapped(seen.flange, points[seen.target])
-            a, b = np.average(at, axis=0, weights=weight), np.average(seen.place_mm, axis=0, weights=weight)
-            with warnings.catch_warnings():  # readings on a line: any turn about it will do to begin with
-                warnings.simplefilter("ignore")
-                turn = Rotation.align_vectors(seen.place_mm - b, at - a, weight)[0].as_matrix()
-            frame = pose_from(turn, b - turn @ a)
-            back = inverse(frame @ seen.flange)
-            local = mapped(back, seen.place_mm)
-            points = np.stack([np.median(local[seen.target == k], axis=0) for k in range(len(points))])
-            off = np.linalg.norm(local - points[seen.target], axis=1)
-            weight = 1.0 / np.maximum(1.0, off / max(float(np.median(off)), 1e-6)) ** 2
-        return Tracked(frame, points, np.zeros(len(self.arm)))
+        """The best of fits of the robot as built, from rotations all about: all else follows from one."""
+        built, none = Tracking(self.seen, None, NO_ERRORS, self.sigma), np.zeros((len(self.seen.targets), 3))
+        turns = Rotation.create_group("I").as_matrix()
+        starts = (Tracked(pose_from(turn, np.zeros(3)), none, np.zeros(0)) for turn in turns)
+        return replace(estimator.from_all_about(built, starts).at, errors=np.zeros(len(self.arm)))
 
 
 @stage("calibrate.tracker")

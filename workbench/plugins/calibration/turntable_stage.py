@@ -51,7 +51,6 @@ POINT = ("x_mm", "y_mm", "z_mm")
 ASKED = "are they in mm, and is each marker the same point at all angles?"
 LEAST_TURN_DEG = 5.0  # between two angles: less shows no axis
 SAME_ANGLE = 0.1 * DEG  # between places of one marker, that count as one
-TRIED = 8  # directions, the likeliest of those from which the axis is sought, that are refined: each stands twice
 STEP = 1e-5  # rad, for differences
 SURE = 5.0  # standard uncertainties by which the angles are not the table's
 UPRIGHT = 0.7  # of the axis' z: nearer to the vertical than to the horizontal
@@ -143,8 +142,7 @@ class _Turning:
         zero = np.zeros((self.marks.markers, 3))
         frames = frame_about(Rotation.create_group("I").as_matrix()[:, 2])
         starts = [Axis(self.middle, one, zero, np.zeros(3)) for one in frames]
-        rough = sorted((estimator.fit(self, one, steps=2) for one in starts), key=lambda one: one.chi2)
-        best = min((estimator.fit(self, one.at) for one in rough[:TRIED]), key=lambda one: one.chi2).at
+        best = estimator.from_all_about(self, starts).at
         return replace(best, frame=frame_about(best.frame[2]))  # the same from whatever start
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Literal
@@ -25,7 +24,6 @@ from workbench.api import (
     inverse,
     pose_from,
     quaternion_from_rotation,
-    rotation_from_quaternion,
     turntable_pose,
 )
 from workbench.plugins.stiffness.values import MillingForce
@@ -71,7 +69,7 @@ class PathPoints:
     def densified(self, step_mm: float) -> PathPoints:
         """With points between, where neighbours are farther apart: there the tool goes straight and turns evenly."""
         at, between = _between(self.part_mm, quaternion_from_rotation(self.base_from_point[:, :3, :3]), step_mm)
-        low, high = np.floor(at).astype(int), np.ceil(at - 1e-9).astype(int)
+        low, high = _neighbours(at)
         return dataclasses.replace(
             self.only(high),
             base_from_point=between,
@@ -117,18 +115,24 @@ def path_points(
         InputError: the force is of another path, or nothing cuts.
     """
     base = np.eye(4) if toolpath.base_from_workobject is None else toolpath.base_from_workobject
-    parts = list(_parts(toolpath))
-    poses, feeds = zip(*(_filled(parts, i) for i in range(len(parts))), strict=True)
-    both, there = list(zip(parts, poses, strict=True)), base @ np.concatenate(poses)
-    layers = np.concatenate([np.full(len(pose), getattr(part, "index", 0)) for part, pose in both])
+    pairs = zip_longest(toolpath.travels, toolpath.layers)
+    parts: list[Layer | Travel] = [part for pair in pairs for part in pair if part is not None]
+    position, quaternion, feed, layer, cutting, measured = (
+        np.concatenate(column) for column in zip(*map(_columns, parts), strict=True)
+    )
+    within = (layer[1:] == layer[:-1]) & (layer[1:] > 0)  # a layer: it has its own points
+    at, poses = _between(position, quaternion, np.where(within, np.inf, AIR_STEP_MM))
+    low, high = _neighbours(at)
+    own, there = low == high, base @ poses
+    layers = np.where(own, layer[low], 0)
     found = PathPoints(
         base_from_point=there,
-        feed_mm_s=np.concatenate(feeds),
+        feed_mm_s=feed[high],
         force_n=(there[:, :3, :3] @ force.at_points(layers, f"{load}_n")[..., None])[..., 0],
         torque_nm=force.at_points(layers, "torque_nm"),
         layer=layers,
-        cutting=np.concatenate([getattr(part, "cutting", np.zeros(len(pose), bool)) for part, pose in both]),
-        measured=np.concatenate([getattr(part, "measured", np.ones(len(pose), bool)) for part, pose in both]),
+        cutting=own & cutting[low],
+        measured=~own | measured[low],
         point_from_tip=pose_from(np.eye(3), np.array([-toolpath.cutter.diameter_mm / 2, 0, reach_mm])),
         planned=planned,
         drift=np.zeros((len(there), *np.shape(planned))),
@@ -140,7 +144,16 @@ def path_points(
     return found
 
 
-def _between(position_mm: Float, quaternion: Float, step_mm: float) -> tuple[Float, Float]:
+def _columns(part: Layer | Travel) -> tuple[Float, Float, Float, Int, Bool, Bool]:
+    """Positions, quaternions, feeds, layer (0: travel), and which points cut, and are measured."""
+    count = len(part.feed_mm_s)
+    of_layer = (np.full(count, 0), np.zeros(count, bool), np.ones(count, bool))
+    if isinstance(part, Layer):
+        of_layer = (np.full(count, part.index), part.cutting, part.measured)
+    return part.position_mm, part.quaternion_wxyz, part.feed_mm_s, *of_layer
+
+
+def _between(position_mm: Float, quaternion: Float, step_mm: Float | float) -> tuple[Float, Float]:
     """Places (m,) between n points, as indices of them, no farther apart than a step; and the poses there."""
     pieces = np.maximum(np.ceil(chords_mm(position_mm) / step_mm), 1).astype(int)
     at = np.append(np.repeat(np.arange(len(pieces)), pieces), len(pieces)).astype(float)
@@ -148,29 +161,6 @@ def _between(position_mm: Float, quaternion: Float, step_mm: float) -> tuple[Flo
     return at, interpolate_poses(at, np.arange(len(position_mm), dtype=float), position_mm, quaternion)
 
 
-def _parts(toolpath: Toolpath) -> Iterator[Layer | Travel]:
-    """Travel, layer, travel, ..., an empty travel where the path has none."""
-    nothing = Travel(np.empty((0, 3)), np.empty((0, 4)), np.empty(0))
-    for travel, layer in zip_longest(toolpath.travels, toolpath.layers):
-        yield nothing if travel is None else travel
-        if layer is not None:
-            yield layer
-
-
-def _filled(parts: list[Layer | Travel], i: int) -> tuple[Float, Float]:
-    """Poses (k, 4, 4) and feeds (k,) of a part; of a travel with points between, from its neighbours' ends on."""
-    part = parts[i]
-    own = pose_from(rotation_from_quaternion(part.quaternion_wxyz), part.position_mm)
-    if isinstance(part, Layer):
-        return own, part.feed_mm_s
-    before, after = (parts[j : j + 1] if j >= 0 else [] for j in (i - 1, i + 1))
-    rows = [(b.position_mm[-1:], b.quaternion_wxyz[-1:], b.feed_mm_s[-1:]) for b in before]
-    rows.append((part.position_mm, part.quaternion_wxyz, part.feed_mm_s))
-    rows += [(a.position_mm[:1], a.quaternion_wxyz[:1], a.feed_mm_s[:1]) for a in after]
-    position, quaternion, feed = (np.concatenate(column) for column in zip(*rows, strict=True))
-    if len(position) < 2:
-        return own, part.feed_mm_s
-    at, poses = _between(position, quaternion, AIR_STEP_MM)
-    towards = feed[np.minimum(np.ceil(at - 1e-9).astype(int), len(feed) - 1)]
-    keep = slice(len(before), len(at) - len(after))
-    return poses[keep], towards[keep]
+def _neighbours(at: Float) -> tuple[Int, Int]:
+    """The points before and behind places (m,); a point itself is both."""
+    return np.floor(at).astype(int), np.ceil(at - 1e-9).astype(int)

@@ -43,7 +43,6 @@ class Flange:
     base_from_flange: Shaped[Float, "k 4 4"]
     velocity: Shaped[Float, "k 6"]  # of the flange, in the flange frame: mm/s, rad/s; 0 at rest
     evened: Shaped[Float, " k"]  # variance of an interpolated pose's own error over a recorded one's: 1/2 to 1
-    still: Shaped[Int, " s"]  # rows with a pose error of their own
     scans: tuple[estimator.Shared, ...]  # whose pose errors come from the same recorded poses; in the order of time
 
     def at(self, offset_s: float) -> Flange:
@@ -52,10 +51,9 @@ class Flange:
 
     def subset(self, keep: Bool) -> Flange:
         """Those marked in `keep` (k,)."""
-        number = np.cumsum(keep) - 1
         scans = (scan.only(keep) for scan in self.scans if keep[scan.rows].any())
         rows = (self.base_from_flange[keep], self.velocity[keep], self.evened[keep])
-        return Flange(*rows, number[self.still[keep[self.still]]], tuple(scans))
+        return Flange(*rows, tuple(scans))
 
 
 @dataclass(frozen=True)
@@ -85,14 +83,13 @@ class Timed:
         k, passed, motions = len(self.time_s), 0, list[Motion]()
         place, chord, evened, middle = np.empty(k), np.zeros(k), np.ones(k), np.empty((k, 3, 3))
         rate, bend = np.empty((2, k, 6))
-        still, scans = [np.zeros(0, int)], list[estimator.Shared]()
+        scans = list[estimator.Shared]()
         for this in np.unique(self.number).tolist():
             rows, motion = np.flatnonzero(self.number == this), self.motions[this]
             time, place[rows] = motion.time_s, passed
             passed += len(time)
             motions.append(motion)
             if len(time) == 1:
-                still.append(rows)
                 continue
             at = np.clip(self.time_s[rows] - offset_s, time[0], time[-1])
             node = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
@@ -112,7 +109,7 @@ class Timed:
         moving = np.concatenate([np.zeros(0, int), *(scan.rows for scan in scans)])
         bent = (each[moving] for each in (poses, chord, middle, rate, bend))
         poses[moving], velocity[moving] = _off_the_chord(*bent)
-        return Flange(poses, velocity, evened, np.concatenate(still), tuple(scans))
+        return Flange(poses, velocity, evened, tuple(scans))
 
 
 def _off_the_chord(poses: Float, chord: Float, middle: Float, rate: Float, bend: Float) -> tuple[Float, Float]:
@@ -235,7 +232,7 @@ class Observations:
 def from_arrays(circle: Float, covariance: Float, base_from_flange: Float) -> Observations:
     """Observations of postures held still, each with a pose error of its own: (k, 3), (k, 3, 3), (k, 4, 4)."""
     k = len(circle)
-    at_rest = Flange(base_from_flange, np.zeros((k, 6)), np.ones(k), np.arange(k), ())
+    at_rest = Flange(base_from_flange, np.zeros((k, 6)), np.ones(k), ())
     return Observations(
         circle, covariance, circle[..., None][..., :0], np.zeros(0), at_rest, tuple((i,) for i in range(k))
     )

@@ -41,7 +41,8 @@ class HeldOut(NamedTuple):
 
 def each_held_out(estimate: Estimate, seen: Observations, noise: Noise, source: str) -> HeldOut:
     """Each posture, and each scan as a whole, predicted from a fit of all the others."""
-    passes = [*seen.here.still[:, None], *(scan.rows for scan in seen.here.scans)]
+    scans = [scan.rows for scan in seen.here.scans]
+    passes = [*np.setdiff1d(np.arange(len(seen)), np.concatenate([[], *scans]))[:, None].astype(int), *scans]
     if len(passes) <= MIN_POSTURES:
         raise InputError(
             f"{source}: /robot",

@@ -28,8 +28,6 @@ class SphereProfiles:
     frame: Shaped[Int, " n"]  # index in the recording
     circle: Shaped[Float, "n 3"]  # x_c mm, z_c mm, w = r^2 mm^2
     covariance: Shaped[Float, "n 3 3"]  # of them, from the points' noise
-    residual_mm: Shaped[Float, " n"]  # standard deviation of the points about the circle, along z
-    points: Shaped[Int, " n"]  # on the arc
     on_arc: Shaped[Bool, "N M"]  # which points of the grid count
     sense: int  # +1: z counts towards the sensor; -1: away from it (from the arcs' convexity)
     noise_mm: float  # of a point along z, as found in all arcs, or as stated if that is larger

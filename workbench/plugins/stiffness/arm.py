@@ -139,17 +139,14 @@ def fast_arm(chain: Chain, springs: Float = NO_SPRINGS) -> Arm:
             `traversal.followed` and `law.nodes` do.
     """
     h, o, wrist = chain.axes, chain.points_mm, spherical_wrist(chain)
-    if not (wrist.parallel_axes and wrist.square):
+    off = [h[0] @ h[1], h[3] @ h[2], np.linalg.norm(np.cross(h[4], h[2]))]
+    if not (wrist.parallel_axes and wrist.square) or np.abs(off).max() > SQUARE:
         raise InputError(
             f"robot '{chain.name}'",
-            "the posture optimiser expects axes 2 and 3 parallel, and axis 5 square to axes 4 and 6",
+            "expected axes 2 and 3 parallel, axis 2 square to axis 1, axis 4 to axis 3, axis 5 to axes 4 and 6, and "
+            "axis 5 along axis 3 at zero",
         )
     centre = wrist.centre_mm
-    if max(abs(h[0] @ h[1]), abs(h[3] @ h[2])) > SQUARE or np.linalg.norm(np.cross(h[4], h[2])) > SQUARE:
-        raise InputError(
-            f"robot '{chain.name}'",
-            "expected axis 2 square to axis 1, axis 4 square to axis 3, and axis 5 along axis 3 at zero",
-        )
     base_from_arm = pose_from(np.column_stack([np.cross(h[1], h[0]), h[1], h[0]]), o[0])
     arm_from_base = inverse(base_from_arm)
     turn, at = arm_from_base[:3, :3], arm_from_base[:3, :3] @ (np.vstack([o, centre]) - o[0]).T

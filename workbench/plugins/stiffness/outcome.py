@@ -339,11 +339,7 @@ def map_picture(found: Found) -> bytes:
 
 
 def _mark(every: Sequence[plot.Axes], found: Found, *, flat: bool) -> None:
-    """The choice at each point, and the pairs that it is compared with; on the margin's map the choice alone."""
-    made, loaded = found.postures, found.points.loaded
-    sought = made.turntable.reshape(len(made.joints), -1)[loaded, -1]  # the outermost of the axes
-    height = found.cost if flat else sought / DEG
-    every[0].points(made.cutter_rotation[loaded] / DEG, height, "o", color=pieces.PURPLE, markersize=2.5)
+    """The choice, and the pairs that it is compared with; on the margin's map the choice alone."""
     for axes in every[:1] if flat else every:
         told: dict[tuple[float, float], list[str]] = {}
         for name, case in found.cases.items():

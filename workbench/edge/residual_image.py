@@ -41,8 +41,8 @@ SENSOR = 1000.0  # odds, before, that what lasts is the sensor's, with one walk 
 NOTHING, USUAL_MM = 0.5, 0.001
 FREE_MM = 1.0  # by which a line may be anything
 LEAST_NOISE_MM = 1e-6  # where all returns of a face lie on one digit, nothing else is left
-# Share, before, of faces of which a part stands aside as a whole; by how much, mm, alike likely.
-PART, ASIDE_MM = 0.01, np.array([0.01, 0.03, 0.1, 0.3])
+# Shares, before, of faces of which a part stands aside as a whole, and of bowed ones; by how much, mm, alike likely.
+PART, BOWED, ASIDE_MM = 0.01, 0.01, np.array([0.01, 0.03, 0.1, 0.3])
 RARE = 5.0  # a likelihood smaller by a factor whose logarithm is this counts for nothing
 
 
@@ -458,7 +458,7 @@ def _add_parts(
     count, places = ends.shape
     lower, white, upto = np.zeros((places, places)), np.empty(places), np.empty((count, places))
     known, told, share = np.empty(len(parts)), np.empty(len(parts)), np.empty((len(parts), ASIDE_MM.size))
-    each = math.log(PART / share.size)
+    each, bowed = math.log(PART / share[:-1].size), BOWED / PART * (len(parts) - 1)
     for k, w, n in cells:
         _whitened(means, k, w, n, lower, white)
         for e in range(count):  # what makes the residuals white, of all that lies above an end
@@ -469,8 +469,8 @@ def _add_parts(
                 upto[e, i] = rest * lower[i, i]
         likely = _told_of_parts(upto, white, parts, known, told)
         if log[k, w, n] + likely > least[k]:
-            none = math.exp(math.log1p(-PART) - each - likely)
-            log[k, w, n] += each + likely + math.log(_shares_of_parts(known, told, likely, none, share))
+            none = math.exp(math.log1p(-PART - BOWED) - each - likely)
+            log[k, w, n] += each + likely + math.log(_shares_of_parts(known, told, likely, none, bowed, share))
             _moments_of_parts(known, told, share, ends, parts, aside[k, w, n], square[k, w, n])
 
 
@@ -490,13 +490,17 @@ def _told_of_parts(upto: Float, white: Float, parts: Int, known: Float, told: Fl
 
 
 @kernel
-def _shares_of_parts(known: Float, told: Float, likely: float, none: float, share: Float) -> float:
-    """Fill in the shares (b, sizes) of parts that stand aside by each of ASIDE_MM; the sum before, with `none`."""
+def _shares_of_parts(known: Float, told: Float, likely: float, none: float, bowed: float, share: Float) -> float:
+    """Fill in the shares (b, sizes) of parts that stand aside by each of ASIDE_MM; the sum before, with `none`.
+
+    bowed: how much likelier than such a part a bow is, the last of them.
+    """
     total = none
     for b in range(known.size):
+        prior = bowed if b == known.size - 1 else 1.0
         for m in range(ASIDE_MM.size):
             free = 1.0 / (1.0 + ASIDE_MM[m] ** 2 * known[b])
-            share[b, m] = math.sqrt(free) * math.exp(0.5 * free * (ASIDE_MM[m] * told[b]) ** 2 - likely)
+            share[b, m] = prior * math.sqrt(free) * math.exp(0.5 * free * (ASIDE_MM[m] * told[b]) ** 2 - likely)
             total += share[b, m]
     for b in range(known.size):
         for m in range(ASIDE_MM.size):
@@ -508,10 +512,13 @@ def _shares_of_parts(known: Float, told: Float, likely: float, none: float, shar
 def _moments_of_parts(
     known: Float, told: Float, share: Float, ends: Float, parts: Int, aside: Float, square: Float
 ) -> None:
-    """Fill in by how much places (p,) stand aside on average, and the mean products (p, p), by shares (b, sizes)."""
+    """Fill in by how much places (p,) stand aside on average, and the mean products (p, p), by shares (b, sizes).
+
+    A bowed face stands aside nowhere: its line is that of least squares.
+    """
     (count, places), of_ends = ends.shape, np.zeros(len(ends))
     of_both, half = np.zeros((count, count)), np.zeros((count, places))
-    for b in range(known.size):
+    for b in range(known.size - 1):
         begin, end = parts[b]
         mean, moment = 0.0, 0.0
         for m in range(ASIDE_MM.size):
@@ -537,12 +544,14 @@ def _moments_of_parts(
 def _parts(places: int) -> tuple[Float, Int]:
     """Ends within a face (e, p), 1 on the places before each, and parts of up to half of it (b, 2) from end to end.
 
-    An end may lie in the middle of a place.
+    An end may lie in the middle of a place. The last is no end but a bow, and the whole face has it.
     """
     at = np.arange(0.0, places + 0.5, 0.5)
     ends = np.clip(at[:, None] - np.arange(places), 0.0, 1.0)
     parts = np.stack(np.triu_indices(at.size, 1), axis=1)
-    return ends, parts[np.diff(at[parts], axis=1)[:, 0] <= places / 2.0]
+    parts = parts[np.diff(at[parts], axis=1)[:, 0] <= places / 2.0]
+    bow = np.linspace(-1.0, 1.0, places) ** 2
+    return np.vstack([ends, bow]), np.vstack([parts, [0, len(ends)]])
 
 
 def _log_prior(strengths: Float) -> Float:

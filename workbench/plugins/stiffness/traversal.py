@@ -211,14 +211,19 @@ class Examiner:
         how[asked] = np.where(open_.any(axis=1), EVERY_POINT, PROVEN)
         doubtful = np.flatnonzero(open_.any(axis=1))
         some = asked[doubtful]
-        hit[some] = self._hits(configuration, open_[doubtful], rotation[some], table[some])
+        hit[some] = self._hits(configuration, joints[some], open_[doubtful], rotation[some], table[some])
         cause[some[hit[some] >= 0]] = COLLISION
         return np.stack([cause, hit, how])
 
-    def _hits(self, configuration: int, open_: Bool, rotation: Float, table: Float) -> Int:
-        """A hit (c,) of each path, or -1, at the points round its stations that are `open_` (c, s)."""
-        found = np.full(len(table), -1)
-        for rest in np.array_split(np.arange(len(table)), max(len(table) // 256, 1)):
+    def _hits(self, configuration: int, joints: Float, open_: Bool, rotation: Float, table: Float) -> Int:
+        """The first hit (c,) of paths with joints (c, s, 6) at the stations, or -1; where they are `open_` (c, s)."""
+        found = np.full(len(joints), -1)
+        first, last = open_.argmax(axis=1), open_.shape[1] - 1 - open_[:, ::-1].argmax(axis=1)
+        for at in (first, last, (first + last) // 2):  # a hit spares the rest
+            rest = np.flatnonzero(found < 0)
+            external = self.dense.external(table[rest], self._stations[at[rest]])
+            found[rest] = self.screen.hits(joints[rest, at[rest]], external)
+        for rest in np.array_split(np.flatnonzero(found < 0), max(len(joints) // 256, 1)):
             which, at = np.nonzero(open_[rest][:, self._owner])
             if not len(which):
                 continue

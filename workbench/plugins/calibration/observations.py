@@ -76,39 +76,30 @@ class Timed:
         return max(low for low, _ in ends), min(high for _, high in ends)
 
     def at(self, offset_s: float) -> Flange:
-        """The flange at these times minus the offset.
-
-        The passes' poses stand in one row, numbers between two of them for times: one interpolation does for all.
-        """
-        k, passed, motions = len(self.time_s), 0, list[Motion]()
-        place, chord, evened, middle = np.empty(k), np.zeros(k), np.ones(k), np.empty((k, 3, 3))
-        rate, bend = np.empty((2, k, 6))
-        scans = list[estimator.Shared]()
+        """The flange at these times minus the offset."""
+        k, scans, moving = len(self.time_s), list[estimator.Shared](), list[tuple[Float | Int, ...]]()
+        poses, velocity, evened = np.empty((k, 4, 4)), np.zeros((k, 6)), np.ones(k)
         for this in np.unique(self.number).tolist():
             rows, motion = np.flatnonzero(self.number == this), self.motions[this]
-            time, place[rows] = motion.time_s, passed
-            passed += len(time)
-            motions.append(motion)
-            if len(time) == 1:
-                continue
+            time = motion.time_s
             at = np.clip(self.time_s[rows] - offset_s, time[0], time[-1])
+            chords = interpolate_poses(at, time, motion.position_mm, motion.quaternion)
+            if len(time) == 1:
+                poses[rows] = chords
+                continue
             node = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
             step = time[node + 1] - time[node]
             fraction = (at - time[node]) / step
-            place[rows] += node + fraction
-            chord[rows] = 0.5 * fraction * (1 - fraction) * step**2
-            middle[rows], rate[rows], bend[rows] = motion.at(at)
+            chord = 0.5 * fraction * (1 - fraction) * step**2
+            moving.append((rows, chords, chord, *motion.at(at)))
             evened[rows] = fraction**2 + (1 - fraction) ** 2
             near = np.union1d(node, node + 1)  # the others have no part in any frame
             none = np.zeros((len(rows), 0, 0))
             pose = np.searchsorted(near, node)
             scans.append(estimator.Shared(rows, none, none, pose, fraction, len(near) - 1, none))
-        position = np.concatenate([one.position_mm for one in motions])
-        quaternion = np.concatenate([one.quaternion for one in motions])
-        poses, velocity = interpolate_poses(place, np.arange(float(passed)), position, quaternion), np.zeros((k, 6))
-        moving = np.concatenate([np.zeros(0, int), *(scan.rows for scan in scans)])
-        bent = (each[moving] for each in (poses, chord, middle, rate, bend))
-        poses[moving], velocity[moving] = _off_the_chord(*bent)
+        if moving:
+            rows, *bent = map(np.concatenate, zip(*moving, strict=True))
+            poses[rows], velocity[rows] = _off_the_chord(*bent)
         return Flange(poses, velocity, evened, tuple(scans))
 
 

@@ -106,14 +106,8 @@ class Arm:
         """
         turn, shift = self.arm_from_base[:3, :3], self.arm_from_base[:3, 3]
         rotation, at = base_from_flange[:, :3, :3], base_from_flange[:, :3, 3]
-        w, a, b = (
-            np.ascontiguousarray(part.T)
-            for part in (
-                (rotation @ self.wrist_in_flange_mm + at) @ turn.T + shift,
-                rotation @ self.axis_in_flange @ turn.T,
-                rotation @ self.across_in_flange @ turn.T,
-            )
-        )
+        w = (rotation @ self.wrist_in_flange_mm + at) @ turn.T + shift
+        a, b = (rotation @ axis @ turn.T for axis in (self.axis_in_flange, self.across_in_flange))
         found, (branch, flip) = np.empty((len(at), 6)), divmod(configuration, 2)
         joints_kernel(self._branch(branch), self.bend, 1.0 - 2.0 * flip, w, a, b, found)
         return found

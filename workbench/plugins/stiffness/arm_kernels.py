@@ -38,14 +38,6 @@ class ArmPath(NamedTuple):
     axis: Vector  # of joint 6, likewise
 
 
-class PerRotation(NamedTuple):
-    """Of each of t rotations of the cutter."""
-
-    total: AnyArray  # displacements of the points so far
-    worst: AnyArray  # what is said of them
-    flipped: AnyArray  # likewise, the wrist flipped
-
-
 @kernel(error_model="numpy")
 def traverse_kernel(
     branch: Branch, path: ArmPath, cosine: AnyArray, sine: AnyArray
@@ -54,7 +46,7 @@ def traverse_kernel(
     tables, points, steps = path.at.shape[0], path.at.shape[1], len(cosine)
     total, worst, flipped = np.zeros((tables, steps)), np.zeros((tables, steps)), np.zeros((tables, steps))
     for i in range(tables):
-        found = PerRotation(total[i], worst[i], flipped[i])
+        found = total[i], worst[i], flipped[i]
         for j in range(points):
             _turn_cutter(branch, path, i, j, cosine, sine, found)
     return total / points, worst.astype(np.uint8), flipped.astype(np.uint8)
@@ -62,9 +54,15 @@ def traverse_kernel(
 
 @kernel(**FAST)
 def _turn_cutter(
-    branch: Branch, path: ArmPath, i: int, j: int, cosine: AnyArray, sine: AnyArray, found: PerRotation
+    branch: Branch,
+    path: ArmPath,
+    i: int,
+    j: int,
+    cosine: AnyArray,
+    sine: AnyArray,
+    found: tuple[AnyArray, AnyArray, AnyArray],
 ) -> None:
-    """Add the displacements of one path point at all rotations t of the cutter."""
+    """Add the displacements of one path point at all rotations t of the cutter, and the worst that is said so far."""
     total, worst, flipped = found
     p, load, force = path.at[i, j], path.load[i, j], path.force[i, j]
     (cx, cy, cz), (ax, ay, az), (bx, by, bz) = _round_z(path.turn[i, j], path.wrist)
@@ -122,9 +120,9 @@ def joints_kernel(
     branch: Branch, bend: float, flip: float, w: AnyArray, a: AnyArray, b: AnyArray, found: AnyArray
 ) -> None:
     """Joint angles (n, 6) as `posture` has their cosines; b: joint 5's axis as joint 6 would carry it along."""
-    for n in range(w.shape[1]):
-        axis, beside = (a[0, n], a[1, n], a[2, n]), (b[0, n], b[1, n], b[2, n])
-        first, second, both, _, h, _, _ = _arm(branch, (w[0, n], w[1, n], w[2, n]))
+    for n in range(len(w)):
+        axis, beside = (a[n, 0], a[n, 1], a[n, 2]), (b[n, 0], b[n, 1], b[n, 2])
+        first, second, both, _, h, _, _ = _arm(branch, (w[n, 0], w[n, 1], w[n, 2]))
         (c1, s1), (c2, s2), (c23, s23) = first, second, both
         g, across, up = _across(branch, first, h, axis)
         found[n, 0], found[n, 1] = np.arctan2(s1, c1), np.arctan2(s2, c2)

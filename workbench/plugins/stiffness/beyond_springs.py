@@ -74,8 +74,7 @@ def with_causes(
     eq = equations(chain, setup, tests)
     causes, loading = _held(chain, setup, tests, eq, found.at, as_built_u)
     columns, u, links = loading.directions, loading.u, np.array([cause.direction is not None for cause in causes])
-    repeated, others, _ = _repeated(tests, loading, found)
-    noise2 = max(repeated / others, 1.0) if others > 0 else 1.0
+    _, noise2, _ = _repeated(tests, loading, found)
     give = _give(loading, loading.fit(found.used), links, noise2)
     u[links] = give or u[links]
     told, first = list[int](), None
@@ -153,8 +152,7 @@ def _lack(
 ) -> LackOfFit:
     """What is left of a fit whose causes `told` are free; first (6,): the compliance with none of them free."""
     residual = found.rows.residual[found.used][..., None]
-    repeated, others, linear = _repeated(tests, loading, found)
-    noise2 = max(repeated / others, 1.0) if others > 0 else 1.0
+    repeated, noise2, linear = _repeated(tests, loading, found)
     sure = np.sqrt(np.diag(found.inverse))
     held = 1.0 - sure[6:] ** 2 * loading.u**-2.0  # of each cause, by the loads
     freedom = linear - 6 - float(held.sum())
@@ -201,10 +199,10 @@ def _changed(one: Changed, by: dict[str, Float], unit: float) -> Changed:
     return replace(one, **{name: getattr(one, name) + STEP * unit * change for name, change in by.items()})
 
 
-def _repeated(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]) -> tuple[float, int, int]:
-    """Chi-square of the residuals without all that is linear in the wrench at its posture, its freedom, and the rest's.
+def _repeated(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]) -> tuple[float, float, int]:
+    """Of the residuals without all that is linear in the wrench at its posture, which no compliance explains.
 
-    No compliance explains it.
+    Their chi-square, their variance over the noise's, at least 1, and the freedom of the rest.
     """
     chi2, freedom, rank = 0.0, 0, 0
     scale = np.maximum(np.abs(tests.wrench).max(axis=0), 1e-12)
@@ -221,7 +219,7 @@ def _repeated(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]
         chi2 += normal.chi2 - float(normal.side @ normal.step())
         rank += int(np.linalg.matrix_rank(normal.information / np.outer(size, size), RANK, hermitian=True))
         freedom += int(found.rows.values[here].sum())
-    return chi2, freedom - rank, rank
+    return chi2, max(chi2 / (freedom - rank), 1.0) if freedom > rank else 1.0, rank
 
 
 def _causes(

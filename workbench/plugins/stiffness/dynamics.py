@@ -32,36 +32,37 @@ def bodies_of(cell: Cell, masses_kg: Sequence[float] | None) -> Bodies:
     Raises:
         InputError: the URDF states none and none are given; a link without a shape.
     """
-    bodies = cell.chain.bodies if masses_kg is None else _even(cell, masses_kg)
-    if bodies is None:
+    import pinocchio as pin
+
+    bodies = cell.chain.bodies
+    if masses_kg is not None:
+        each = _even(cell, masses_kg)
+    elif bodies is not None:
+        of_urdf = zip(bodies.mass_kg, bodies.centre_mm / MM, bodies.inertia_kg_m2, strict=True)
+        each = [pin.Inertia(*one) for one in of_urdf]
+    else:
         raise InputError(
             cell.source,
             "expected <inertial> with a mass for every link in the URDF, found none: give link_masses_kg (1,280 kg in "
             "all is an IRB 6700's), or tap tests to scale them",
         )
-    if cell.tool_mass_kg is None:
-        return bodies
-    import pinocchio as pin
-
-    flange, at = cell.chain.base_from_flange_at_zero, cell.tool_centre_of_gravity_mm
-    solids = [_solid(one) for one in cell.shapes if one.link == 6 and one.body == "tool"]
-    tool = (
-        _filled(solids, cell.tool_mass_kg)
-        if solids
-        else pin.Inertia(cell.tool_mass_kg, flange[:3, 3] / MM, np.zeros((3, 3)))
-    )
-    if at is not None:
-        tool.lever = mapped(flange, at) / MM
-    whole = pin.Inertia(bodies.mass_kg[5], bodies.centre_mm[5] / MM, bodies.inertia_kg_m2[5]) + tool
-    return Bodies(
-        np.append(bodies.mass_kg[:5], whole.mass),
-        np.vstack([bodies.centre_mm[:5], whole.lever * MM]),
-        np.concatenate([bodies.inertia_kg_m2[:5], whole.inertia[None]]),
-    )
+    if cell.tool_mass_kg is not None:
+        flange, at = cell.chain.base_from_flange_at_zero, cell.tool_centre_of_gravity_mm
+        solids = [_solid(one) for one in cell.shapes if one.link == 6 and one.body == "tool"]
+        tool = (
+            _filled(solids, cell.tool_mass_kg)
+            if solids
+            else pin.Inertia(cell.tool_mass_kg, flange[:3, 3] / MM, np.zeros((3, 3)))
+        )
+        if at is not None:
+            tool.lever = mapped(flange, at) / MM
+        each[5] = each[5] + tool
+    mass, lever, inertia = (np.array([getattr(one, name) for one in each]) for name in ("mass", "lever", "inertia"))
+    return Bodies(mass, lever * MM, inertia)
 
 
-def _even(cell: Cell, masses_kg: Sequence[float]) -> Bodies:
-    """Masses spread evenly in the shapes of each link."""
+def _even(cell: Cell, masses_kg: Sequence[float]) -> list[Any]:
+    """Inertias of masses spread evenly in the shapes of each link."""
     found = []
     for link, mass in enumerate(masses_kg, 1):
         others = ("tool", "cutter", "workpiece")
@@ -70,11 +71,7 @@ def _even(cell: Cell, masses_kg: Sequence[float]) -> Bodies:
             where = f"expected a collision shape of link {link} to spread its mass in, found none"
             raise InputError(cell.source, where)
         found.append(_filled(solids, mass))
-    return Bodies(
-        np.array(masses_kg, float),
-        np.array([one.lever * MM for one in found]),
-        np.array([one.inertia for one in found]),
-    )
+    return found
 
 
 def _filled(solids: Sequence[Any], mass_kg: float) -> Any:
@@ -155,11 +152,8 @@ def at_tool(
 def _with_tool(robot: Dynamics, tool: ToolMode | None) -> Dynamics:
     if tool is None:
         return robot
-    k = len(robot.shape)
-    w = 2 * np.pi * tool.frequency_hz
-    stiffness, damping, shape = np.zeros((k, 8, 8)), np.zeros((k, 8, 8)), np.zeros((k, 3, 8))
-    stiffness[:, :6, :6], damping[:, :6, :6], shape[:, :, :6] = robot
-    for i in (6, 7):
-        stiffness[:, i, i], damping[:, i, i] = w**2, 2 * tool.damping_ratio * w
-        shape[:, i - 6, i] = w / np.sqrt(tool.stiffness_n_per_um * 1e6)
-    return Dynamics(stiffness, damping, shape)
+    w, more = 2 * np.pi * tool.frequency_hz, np.diag(np.repeat([0.0, 1.0], [6, 2]))
+    stiffness, damping = (np.pad(part, ((0, 0), (0, 2), (0, 2))) for part in robot[:2])
+    shape = np.pad(robot.shape, ((0, 0), (0, 0), (0, 2)))
+    shape[:, [0, 1], [6, 7]] = w / np.sqrt(tool.stiffness_n_per_um * 1e6)
+    return Dynamics(stiffness + w**2 * more, damping + 2 * tool.damping_ratio * w * more, shape)

@@ -191,13 +191,12 @@ class _Taps:
         heard = np.full(len(value), GAIN_U), -2j * np.pi * tests.hz * DELAY_U_S
         beside = np.column_stack([LOCAL_U_M_N * tests.to * tests.by / value[:, None], *heard])
         parts = np.column_stack([np.log(tests.value / value), change / value[:, None], beside])
-        off, slope, more = np.split(np.stack([parts.real, parts.imag], axis=1), [1, 1 + LINKS], axis=2)
-        left, values = off[..., 0] - more @ at[LINKS:], np.full(len(value), 2.0)
+        off, slope = np.split(np.stack([parts.real, parts.imag], axis=1), [1], axis=2)
+        left, values = off[..., 0] - slope[..., LINKS:] @ at[LINKS:], np.full(len(value), 2.0)
         size = np.abs(tests.value)
         u2 = self.relative_u**2 + (FLOOR * np.median(size) * self.relative_u / size) ** 2
-        covariance, known = u2[:, None, None] * np.eye(2), np.diag(self.prior[:LINKS] ** -2)
-        of_robot = estimator.Rows(left, slope, covariance, values, known, -at[:LINKS])
-        return of_robot.beside(more, at[LINKS:], self.prior[LINKS:])
+        covariance = u2[:, None, None] * np.eye(2)
+        return estimator.Rows(left, slope, covariance, values, np.diag(self.prior**-2.0), -at)
 
     def moved(self, at: Float, step: Float) -> Float:
         return np.clip(at + step, -4.0, 4.0)

@@ -304,7 +304,6 @@ def _profiles(recording: Recording, found: list[Arc], rejected: list[Rejected], 
         correlation=correlation,
         sphere_diameter_mm=recording.sphere_diameter_mm,
         rejected=tuple(rejected),
-        source=recording.source,
     )
 
 

@@ -91,7 +91,7 @@ class Part:
         """Of observations spread over all; another flange has no clock."""
         count = len(self.marks.frame)
         some = np.isin(np.arange(count), np.linspace(0, count - 1, most).astype(int))
-        columns = ("frame", "point_mm", "covariance", "rms_mm")
+        columns = ("frame", "point_mm", "covariance")
         marks = self.marks._replace(**{name: getattr(self.marks, name)[some] for name in columns})
         return replace(self, marks=marks, flange=(flange or self.flange).subset(some))
 
@@ -199,9 +199,9 @@ def part_of(
     `search_s`: by which the clocks may be apart.
     """
     groups = grouped(recording, marks.frame, search_s)
-    means = [(marks.point_mm[g].mean(0), marks.covariance[g].mean(0) / len(g), marks.rms_mm[g].mean()) for g in groups]
+    means = [(marks.point_mm[g].mean(0), marks.covariance[g].mean(0) / len(g)) for g in groups]
     first = marks.frame[[g[0] for g in groups]]
-    points, covariance, rms = (np.array(one) for one in zip(*means, strict=True))
-    joined = marks._replace(frame=first, point_mm=points, covariance=covariance, rms_mm=rms)
+    points, covariance = (np.array(one) for one in zip(*means, strict=True))
+    joined = marks._replace(frame=first, point_mm=points, covariance=covariance)
     flange = flange_of(recording, recording.time_s[first], recording.pass_index[first], search_s > 0)
     return Part(joined, target, flange, noise, scale_u), first

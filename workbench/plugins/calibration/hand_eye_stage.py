@@ -193,7 +193,8 @@ def _by_method(method: Method, answer: Answer, design: Float | None, seed: int, 
     fit, seen = answer.found, answer.seen.subset(answer.found.used)
     linear = linearise(fit.estimate, seen, fit.noise)
     P = signed_centres(fit.estimate, linear, seen)
-    centres = methods.Centres.seen_from(P, seen.here.base_from_flange)
+    poses = seen.here.base_from_flange
+    centres = methods.Centres(P, poses[:, :3, :3], poses[:, :3, 3])
     begin = pose_from(fit.estimate.rotation, fit.estimate.translation_mm)
     rule: Callable[[methods.Centres], Float]
     if method == "analytic":

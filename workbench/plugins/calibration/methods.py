@@ -9,7 +9,7 @@ a . [R (P_i - P_j) - r_i^T (t_j - t_i)] = 0. And (8) reads (r_j - r_i) t = r_i R
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -39,11 +39,6 @@ class Centres:
     P: Float
     r: Float
     t: Float
-
-    @classmethod
-    def seen_from(cls, P: Float, base_from_flange: Float) -> Centres:
-        """Centres (k, 3) that poses (k, 4, 4) of the flange show."""
-        return cls(P, base_from_flange[:, :3, :3], base_from_flange[:, :3, 3])
 
 
 class Pairs:
@@ -134,7 +129,7 @@ def propagated(rule: Callable[[Centres], Float], seen: Centres, covariance: Floa
     pose = rule(seen)
 
     def moved(step: Float) -> Float:
-        now = rule(Centres(seen.P + step.reshape(-1, 3), seen.r, seen.t))
+        now = rule(replace(seen, P=seen.P + step.reshape(-1, 3)))
         return np.concatenate([now[:3, 3], vector(now[:3, :3] @ pose[:3, :3].T)])[None]
 
     slope = estimator.jacobian_of(moved, np.full(seen.P.size, STEP_MM)).reshape(6, -1, 3)

@@ -312,26 +312,15 @@ class View:
         return self.middle_mm[0] * x + self.middle_mm[1] * z, np.stack([self.half_mm[0] * x, self.half_mm[1] * z])
 
 
-def view_of(circle: Float) -> View:
-    """The field in which circles (k, 3) of x_c, z_c, w lie."""
-    return _box(*_span(circle))
-
-
 def view_of_points(x_mm: AnyArray, z_mm: AnyArray, circle: Float) -> View:
-    """The field in which a recording's points lie, all but the outermost of each side, and its circles."""
-    good = np.isfinite(x_mm) & np.isfinite(z_mm)
+    """The field in which a recording's points lie, all but the outermost of each side, and its circles (k, 3).
+
+    Never less than `LEAST_MM`: where the sphere was shown at one place, the answer must still hold elsewhere.
+    """
+    good, r = np.isfinite(x_mm) & np.isfinite(z_mm), np.sqrt(np.maximum(circle[:, 2:], 0.0))
     low, high = np.quantile(np.stack([x_mm[good], z_mm[good]]), [OUTERMOST, 1 - OUTERMOST], axis=1)
-    first, last = _span(circle)
-    return _box(np.minimum(low, first), np.maximum(high, last))
-
-
-def _span(circle: Float) -> tuple[Float, Float]:
-    r = np.sqrt(np.maximum(circle[:, 2:], 0.0))
-    return (circle[:, :2] - r).min(axis=0), (circle[:, :2] + r).max(axis=0)
-
-
-def _box(low: Float, high: Float) -> View:
-    """Never less than `LEAST_MM`: where the sphere was shown at one place, the answer must still hold elsewhere."""
+    low = np.minimum(low, (circle[:, :2] - r).min(axis=0))
+    high = np.maximum(high, (circle[:, :2] + r).max(axis=0))
     (x, z), (a, b) = (low + high) / 2, np.maximum((high - low) / 2, LEAST_MM)
     return View((float(x), float(z)), (float(a), float(b)))
 

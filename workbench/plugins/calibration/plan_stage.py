@@ -39,6 +39,7 @@ from workbench.plugins.calibration.verdicts import rescaled, sensor_of
 from workbench.plugins.csv_table import csv_bytes
 from workbench.plugins.design import chosen
 
+OFF_PLANE = (0.3, 0.7)  # |y| of the sphere's centre, in radii: beyond, an error may miss it
 EXCHANGES = 4  # rounds over the chosen postures
 AT_LIMIT = 0.6  # share of candidates that lie on a limit, where the best ones are
 CANDIDATES = 800
@@ -54,32 +55,22 @@ class Limits:
     roll: float  # greatest turn about the range axis, rad
     middle_mm: tuple[float, float]  # of the view: x, z
     half_mm: tuple[float, float]  # half its width and height
-    off_plane: tuple[float, float] = (0.3, 0.7)  # |y| of the sphere's centre, in radii: beyond, an error may miss it
 
 
 def candidate_postures(limits: Limits, estimate: Estimate, count: int, rng: np.random.Generator) -> tuple[Float, Float]:
     """Random postures within the limits, most of them on one: flange poses (c, 4, 4), sphere centres (c, 3)."""
     radius = estimate.radius_mm
     way, tilt = rng.uniform(0, 2 * np.pi, count), limits.cone * np.sqrt(_to_limit(rng, count))
-    roll = limits.roll * _to_limit(rng, count) * _sign(rng, count)
-    low, high = limits.off_plane
+    roll = _either_way(limits.roll, rng, count)
+    low, high = OFF_PLANE
     y = radius * (low + (high - low) * _to_limit(rng, count)) * _sign(rng, count)
-    x, z = (
-        m + h * _to_limit(rng, count) * _sign(rng, count) for m, h in zip(limits.middle_mm, limits.half_mm, strict=True)
-    )
+    x, z = (m + _either_way(h, rng, count) for m, h in zip(limits.middle_mm, limits.half_mm, strict=True))
     centre = np.stack([x, y, z], axis=1)
-    return poses(limits, estimate, np.stack([tilt * np.cos(way), tilt * np.sin(way)], axis=1), roll, centre), centre
-
-
-def poses(limits: Limits, estimate: Estimate, tilt: Float, roll: Float, centre: Float) -> Float:
-    """Flange poses (c, 4, 4) that show the sphere at `centre` (c, 3), tilted (c, 2) about x and y, then rolled (c,)."""
-    zero = np.zeros(len(tilt))
-    turned = rotation_from_vector(np.column_stack([tilt, zero])) @ rotation_from_vector(
-        np.column_stack([zero, zero, roll])
-    )
+    tilted = rotation_from_vector(np.column_stack([tilt * np.cos(way), tilt * np.sin(way), np.zeros(count)]))
+    turned = tilted @ rotation_from_vector(roll[:, None] * np.eye(3)[2])
     flange = limits.base_from_profiler @ turned @ estimate.rotation.T
     lever = centre @ estimate.rotation.T + estimate.translation_mm
-    return pose_from(flange, estimate.center_mm - (flange @ lever[..., None])[..., 0])
+    return pose_from(flange, estimate.center_mm - (flange @ lever[..., None])[..., 0]), centre
 
 
 def information_gains(
@@ -123,6 +114,10 @@ def _to_limit(rng: np.random.Generator, count: int) -> Float:
 
 def _sign(rng: np.random.Generator, count: int) -> Float:
     return rng.choice([-1.0, 1.0], count)
+
+
+def _either_way(limit: float, rng: np.random.Generator, count: int) -> Float:
+    return limit * _to_limit(rng, count) * _sign(rng, count)
 
 
 @stage("calibrate.plan")

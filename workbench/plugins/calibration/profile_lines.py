@@ -25,16 +25,15 @@ class Marks(NamedTuple):
     frame: Shaped[Int, " k"]
     point_mm: Shaped[Float, "k Q 2"]  # x, z
     covariance: Shaped[Float, "k Q 2 2"]
-    rms_mm: Shaped[Float, " k"]  # of the profile's points about the lines
     rejected: tuple[Rejected, ...]
 
 
-_Line = tuple[Float, Float, float]  # two points (2, 2) that tell it, their covariance (2, 2, 2), rms of points about it
+_Line = tuple[Float, Float]  # two points (2, 2) that tell it, their covariance (2, 2, 2)
 
 
 def marks_of(recording: Recording, target: Target, noise_mm: float, corner_mm: float) -> Marks:
     """What every frame shows of the target; frames that do not show it are rejected with the cause."""
-    frames, points, covariance, rms, rejected = [], [], [], [], []
+    frames, points, covariance, rejected = [], [], [], []
     for frame, (x, z) in enumerate(zip(recording.x_mm, recording.z_mm, strict=True)):
         xz = np.column_stack([x, z]).astype(float)
         seen = np.isfinite(xz).all(axis=1)
@@ -42,19 +41,17 @@ def marks_of(recording: Recording, target: Target, noise_mm: float, corner_mm: f
             if not seen.all():
                 rejected.append(Rejected(frame, f"{(~seen).sum()} of its {len(seen)} points are missing"))
                 continue
-            found, spread, off = xz, np.tile(noise_mm**2 * np.eye(2), (len(xz), 1, 1)), noise_mm
+            found, spread = xz, np.tile(noise_mm**2 * np.eye(2), (len(xz), 1, 1))
         else:
             lines = _lines(xz[seen], 2 if target == "edge" else 1, noise_mm, corner_mm)
             if isinstance(lines, str):
                 rejected.append(Rejected(frame, lines))
                 continue
-            found, spread = (np.concatenate(part) for part in list(zip(*lines, strict=True))[:2])
-            off = float(np.sqrt(np.mean([rms_mm**2 for *_, rms_mm in lines])))
+            found, spread = map(np.concatenate, zip(*lines, strict=True))
         frames.append(frame)
         points.append(found)
         covariance.append(spread)
-        rms.append(off)
-    return Marks(np.array(frames, int), np.array(points), np.array(covariance), np.array(rms), tuple(rejected))
+    return Marks(np.array(frames, int), np.array(points), np.array(covariance), tuple(rejected))
 
 
 def _lines(xz: Float, count: int, noise_mm: float, corner_mm: float) -> list[_Line] | str:
@@ -113,4 +110,4 @@ def _line(xz: Float, noise_mm: float) -> _Line | str:
     variance = rms**2 * (1 + alike) / (1 - alike) / len(along)
     normal = np.array([-direction[1], direction[0]])
     ends = middle + np.outer([-1.0, 1.0], along.std() * direction)
-    return ends, np.tile(2.0 * variance * np.outer(normal, normal), (2, 1, 1)), rms
+    return ends, np.tile(2.0 * variance * np.outer(normal, normal), (2, 1, 1))

@@ -9,7 +9,7 @@ import scipy
 
 from workbench.api import Float, estimator
 from workbench.plugins.calibration.determinacy import Demand, check_postures
-from workbench.plugins.calibration.model import Estimate, Noise, Sphere, View, view_of
+from workbench.plugins.calibration.model import LEAST_MM, Estimate, Noise, Sphere, View
 from workbench.plugins.calibration.observations import Observations
 from workbench.plugins.calibration.search import located, undetermined
 from workbench.plugins.calibration.shared_errors import Settled, settled
@@ -57,14 +57,15 @@ def solve(
         design: flange_from_profiler (4, 4) to begin with, off by up to 20 deg and 50 mm; None: unknown.
         where: the recording, for messages.
         limit_mm: largest predicted uncertainty of a point, RMS over the field of view, that is accepted.
-        view: the field of view; None: where the circles lie.
+        view: the field of view; None: the least, about the circles' middle.
         judged: whether the limit holds for the noise that the residuals ask for too, not for the stated one alone.
 
     Raises:
         InputError: too few postures, an undetermined direction, two answers that fit equally, or none that fits.
     """
     check_postures(seen.here, where, "sphere")
-    sphere, demand = Sphere(seen, noise), Demand(view or view_of(seen.circle), limit_mm, where)
+    x, z = seen.circle[:, :2].mean(axis=0).tolist()
+    sphere, demand = Sphere(seen, noise), Demand(view or View((x, z), LEAST_MM), limit_mm, where)
     best, alone = located(sphere, design, demand, NO_SUCH, OTHER_SIDE)
     answer = _freed(Answer(settled(best, sphere), sphere, best, alone))
     if judged:

@@ -46,14 +46,12 @@ def poses(table: Table) -> Float:
     return pose_from(rotation_from_quaternion(pose[:, 3:] / norm[:, None]), pose[:, :3])
 
 
-def contradicts(found: estimator.Fit[Any]) -> bool:
-    """Whether residuals are so large that neither noise nor a robot that errs a little makes them."""
-    return found.freedom >= estimator.LEAST_FREEDOM and found.misfit > MOST_MISFIT
-
-
 def check_misfit(found: estimator.Fit[Any], labels: estimator.Labels) -> None:
-    """Refuse rows of which too many lie too far from what fits them best for any to be called a blunder."""
-    if contradicts(found):
+    """Refuse residuals so large that neither noise nor a robot that errs a little makes them.
+
+    Too many rows then lie too far from what fits them best for any to be called a blunder.
+    """
+    if found.freedom >= estimator.LEAST_FREEDOM and found.misfit > MOST_MISFIT:
         raise estimator.contradictory(found.misfit, labels)
 
 

@@ -20,7 +20,7 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.calibration.determinacy import MIN_POSTURES
-from workbench.plugins.calibration.model import Estimate, Noise, Sphere, by_circle, linearise
+from workbench.plugins.calibration.model import Estimate, Noise, Sphere, by_circle
 from workbench.plugins.calibration.observations import Observations
 from workbench.plugins.calibration.plan_stage import estimate_of, seen_again
 from workbench.plugins.calibration.scanned import start_center
@@ -57,12 +57,18 @@ def each_held_out(estimate: Estimate, seen: Observations, noise: Noise, source: 
 
 def _predicted(fitted: estimator.Fit[Estimate], out: Observations, noise: Noise) -> HeldOut:
     """Held-out postures by a fit to others; chi-square with all correlations."""
-    rows, spread = Sphere(out, noise).rows(fitted.at), fitted.inverse
+    rows = Sphere(out, noise).rows(fitted.at)
     normal = replace(rows, prior=fitted.information, away=0.0 * rows.away).normal()  # the others are what is known
     chi2 = normal.chi2 - float(normal.side @ normal.step())
-    covariance = rows.covariance + rows.jacobian @ spread @ np.swapaxes(rows.jacobian, 1, 2)
-    y_mm = linearise(fitted.at, out, noise).centre[:, 1]
-    return HeldOut(rows.residual, covariance, y_mm, chi2, rows.residual.size)
+    return _held_out(Sphere(out, noise), fitted.at, fitted.inverse, chi2, rows.residual.size)
+
+
+def _held_out(sphere: Sphere, at: Estimate, spread: Float, chi2: float, freedom: int) -> HeldOut:
+    """By an estimate, the first of whose unknowns have this covariance."""
+    rows = sphere.rows(at)
+    change = rows.jacobian[..., : len(spread)]
+    covariance = rows.covariance + change @ spread @ np.swapaxes(change, 1, 2)
+    return HeldOut(rows.residual, covariance, sphere.shown(at)[:, 1], chi2, freedom)
 
 
 def second_recording(
@@ -74,11 +80,7 @@ def second_recording(
     known = estimate, estimator.inverse_information(calibration.covariance)
     found = estimator.fit(Sphere(seen, noise, known=known), start_center(estimate, seen, noise))
     ball = replace(estimate, center_mm=found.at.center_mm, radius_mm=found.at.radius_mm)
-    rows = Sphere(seen, noise).rows(ball)
-    by_pose = rows.jacobian[..., :6]
-    covariance = rows.covariance + by_pose @ calibration.covariance @ np.swapaxes(by_pose, 1, 2)
-    y_mm = linearise(ball, seen, noise).centre[:, 1]
-    return HeldOut(rows.residual, covariance, y_mm, found.chi2, found.freedom)
+    return _held_out(Sphere(seen, noise), ball, calibration.covariance, found.chi2, found.freedom)
 
 
 NEAR_EQUATOR = 0.1  # |y| over the largest, below which w says nothing of y

@@ -35,7 +35,6 @@ class SphereProfiles:
     correlation: float  # of the noise of neighbouring columns; the covariances contain it
     sphere_diameter_mm: float
     rejected: tuple[Rejected, ...]
-    source: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -72,22 +72,18 @@ def rescaled(profiles: SphereProfiles, recording: Recording, sensor: Sensor) -> 
     """The circles through the same points with the scales' errors taken out."""
     if not sensor.error.any():
         return profiles
-    x, z = sensor.true(recording)
+    both, sense = ((recording.x_mm, recording.z_mm), sensor.true(recording)), float(profiles.sense)
     circle, covariance = profiles.circle.copy(), profiles.covariance.copy()
     for k, frame in enumerate(profiles.frame):
         on = profiles.on_arc[frame]
-        old, before, _, _ = _fit(
-            recording.x_mm[frame, on].astype(float), recording.z_mm[frame, on], circle[k], profiles
+        points = ([part[frame, on].astype(float) for part in xz] for xz in both)
+        (old, before, *_), (new, after, _, fitted) = (
+            fit_arc(x, z, circle[k], sense, profiles.noise_mm) for x, z in points
         )
-        new, after, _, fitted = _fit(x[frame, on], z[frame, on], circle[k], profiles)
         if fitted:
             circle[k] += new - old
             covariance[k] = after * (covariance[k, 1, 1] / before[1, 1])
     return replace(profiles, circle=circle, covariance=covariance)
-
-
-def _fit(x: Float, z: Float, start: Float, profiles: SphereProfiles) -> tuple[Float, Float, float, bool]:
-    return fit_arc(x, z.astype(float), start, float(profiles.sense), profiles.noise_mm)
 
 
 def observed(profiles: SphereProfiles, recording: Recording, sensor: Sensor) -> Observations:

@@ -73,6 +73,7 @@ class Stage:
 
     name: str
     function: Callable[..., Any]
+    ahead: Callable[..., str] | None = None
 
     def __repr__(self) -> str:
         """Its name alone."""
@@ -248,8 +249,12 @@ def _got(value: Any, source: Source) -> str:
     return "None" if value is None else type(value).__name__ + alone
 
 
-def stage(name: str) -> Callable[[F], F]:
-    """Register a function as the stage `name` ('family.verb'); the function returned checks its parameters."""
+def stage(name: str, ahead: Callable[..., str] | None = None) -> Callable[[F], F]:
+    """Register a function as the stage `name` ('family.verb'); the function returned checks its parameters.
+
+    `ahead` takes some of its artefacts and parameters, by name, and tells what they alone decide: it raises what the
+    stage would refuse, and returns what it would say, or ''. A run asks it before the stages that they do not wait for.
+    """
     if not re.fullmatch(r"[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*", name):
         raise PipelineError(f"stage {name!r}", "expected a name like 'family.verb' in lower case")
 
@@ -258,7 +263,7 @@ def stage(name: str) -> Callable[[F], F]:
         known = REGISTRY.get(name)
         if known and (known.function.__module__, known.function.__qualname__) != place:
             raise PipelineError(f"stage {name}", f"registered by {known.function.__module__} and by {place[0]}")
-        REGISTRY[name] = entry = Stage(name, function)
+        REGISTRY[name] = entry = Stage(name, function, ahead)
 
         @functools.wraps(function)
         def checked(*args: Any, **kwargs: Any) -> Any:

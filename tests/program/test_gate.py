@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from html import unescape
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from workbench.artefacts import Chapter, Document, Moves, PathGate, Toolpath
+from workbench.cli import main
 from workbench.dialect import plain
 from workbench.errors import InputError
 from workbench.path import simplify
@@ -83,6 +85,27 @@ def test_a_controller_without_a_cell_leaves_the_table_of_the_path() -> None:
     assert found.last(Document).name == "toolpath.csv"
     assert not found.passed
     assert "no program for kuka: it needs the robot's cell (input 'cell')" in found.decisions[-1].cause
+
+
+def test_what_the_inputs_decide_is_said_before_postures_are_searched(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The search may take minutes; that the cell is another controller's, or names none, is plain before it."""
+    at = ["cutter_rotation_deg=[0, 0]", "turntable_deg=[0, 0]", "whole_map=false"]
+    few = [word for one in at for word in ("--set", f"stiffness.posture.{one}")]
+    run = ["run", str(DATA.parents[1] / "pipelines/optimise_posture.json"), "--out", str(tmp_path / "out"), *few]
+    assert main([*run, "--input", "controller=kuka"]) == 1
+    told = capsys.readouterr().err
+    said = "\nNOT CHECKED: that the controller takes it: the cell names abb, and this is for kuka\n"
+    assert "robot.plate" in told[: told.index(said)]
+    assert "stiffness.posture" in told[told.index(said) :]
+    whole = json.loads((DATA / "cell.json").read_text())
+    whole["robot"]["urdf"] = str(DATA / whole["robot"]["urdf"])
+    (tmp_path / "cell.json").write_text(json.dumps({name: one for name, one in whole.items() if name != "controller"}))
+    assert main([*run, "--input", f"cell={tmp_path / 'cell.json'}"]) == 2
+    told = capsys.readouterr().err
+    assert "cell.json: $.controller: expected the make of the robot's controller" in told
+    assert "stiffness.posture" not in told
 
 
 @pytest.mark.parametrize(

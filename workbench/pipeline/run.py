@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import inspect
 import json
 import os
 import platform
@@ -168,6 +169,8 @@ def run_plan(checked: Plan, reporter: Reporter, cache: StageCache | None = None)
             results.artefacts[step.id] = made
             results.warnings += [note for one in made for note in getattr(one, "warnings", ())]
             reporter.end(results.seconds[step.id])
+            for later in checked.steps[i + 1 :]:
+                _look_ahead(later, step, checked, results, reporter)
         results.inputs = digests.all()
     if pages == len(checked.steps):
         reporter.known(results)
@@ -191,6 +194,20 @@ def _run_step(step: Step, checked: Plan, results: Results, reporter: Reporter) -
     noted = [item for item in caught if issubclass(item.category, NOTED)]
     notes = [f"{step.id}: {one_line(str(item.message))}" for item in noted]
     return (made if isinstance(made, tuple) else (made,) if made is not None else ()), notes
+
+
+def _look_ahead(later: Step, step: Step, checked: Plan, results: Results, reporter: Reporter) -> None:
+    """What a later stage decides by what `step` made, or made last: refused or said before the stages in between."""
+    if (ahead := later.stage.ahead) is None:
+        return
+    names = inspect.signature(ahead).parameters
+    sources = {source.name: source for source in later.stage.sources if source.name in names}
+    needed = {one for name in sources for one in later.sources[name]}
+    if step.id in needed and needed <= results.artefacts.keys():
+        given = {name: later.parameters[name] for name in names if name not in sources}
+        given |= {name: _artefact(source, later, checked, results) for name, source in sources.items()}
+        with _one_line_errors(later, checked):
+            reporter.note(ahead(**given))
 
 
 def _artefact(source: Source, step: Step, checked: Plan, results: Results) -> Any:

@@ -32,6 +32,9 @@ class Reporter:
     def end(self, seconds: float) -> None:
         """The stage has ended."""
 
+    def note(self, text: str) -> None:
+        """What a later stage says already now; '': nothing."""
+
     def known(self, results: Any) -> None:
         """All is measured and decided (`pipeline.run.Results`); what follows are pages."""
 
@@ -61,6 +64,10 @@ class Lines(Reporter):
         """Show how long it took."""
         self._show(f"\r{self.label} {seconds:.2f} s\n" if self.live else f" {seconds:.2f} s\n")
         self.label = ""
+
+    def note(self, text: str) -> None:
+        """Show it in a line of its own."""
+        self._show(f"{one_line(text)}\n" if text else "")
 
     def compiling(self) -> None:
         """Say why it takes so long this time."""

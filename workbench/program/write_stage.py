@@ -44,7 +44,35 @@ OTHERS: dict[str, Callable[[ProgramJob, Cell], Dialect]] = {
 }
 
 
-@stage("program.write")
+def foreseen(cell: RobotCell | None, controller: Make | None) -> str:
+    """Why no program can be written, or that nothing tells whether its controller takes it, whatever the path; or ''.
+
+    Raises:
+        InputError: no controller is named, or one whose language cannot drive the cell's axes.
+    """
+    if not isinstance(cell, Cell):
+        return "" if controller is None else f"{NO_PROGRAM}{controller}: it needs the robot's cell (input 'cell')"
+    known = cell.controller.dialect if cell.controller else None
+    chosen = controller or known
+    if chosen is None:
+        raise InputError(
+            f"{cell.source}: $.controller",
+            "expected the make of the robot's controller: abb, kuka, "
+            "fanuc, ur, yaskawa or trajectory (or the pipeline's input 'controller')",
+        )
+    if (sliding(cell) or len(cell.axes) > 1) and chosen not in DRIVE_AXES:
+        what, way = ("track", "$.robot.held") if sliding(cell) else ("turntable.tilt", "another base_from_turntable")
+        raise InputError(
+            f"{cell.source}: $.{what}",
+            f"expected none for {chosen}: programs drive it in the languages of ABB, KUKA and FANUC alone; let it "
+            f"stand ({way})",
+        )
+    if known in (None, chosen):
+        return ""
+    return f"{NOT_CHECKED}that the controller takes it: the cell names {known}, and this is for {chosen}"
+
+
+@stage("program.write", ahead=foreseen)
 def write(
     moves: Moves,
     gate: PathGate,
@@ -95,32 +123,15 @@ def write(
         >>> [type(one).__name__ for one in made]
         ['Document', 'Document', 'PathGate', 'Judgement', 'Chapter']
     """
-    known = cell.controller.dialect if isinstance(cell, Cell) and cell.controller else None
-    chosen = controller or known
-    if not isinstance(cell, Cell):
-        released(name, moves.toolpath, gate, cell, moves)
-        if controller is None or not gate.passed:
-            return (gate,)
-        said = f"{NO_PROGRAM}{controller}: it needs the robot's cell (input 'cell')"
-        return (dataclasses.replace(gate, loosened=(*gate.loosened, said)),)
-    if chosen is None:
-        raise InputError(
-            f"{cell.source}: $.controller",
-            "expected the make of the robot's controller: abb, kuka, "
-            "fanuc, ur, yaskawa or trajectory (or the pipeline's input 'controller')",
-        )
-    if (sliding(cell) or len(cell.axes) > 1) and chosen not in DRIVE_AXES:
-        what, way = ("track", "$.robot.held") if sliding(cell) else ("turntable.tilt", "another base_from_turntable")
-        raise InputError(
-            f"{cell.source}: $.{what}",
-            f"expected none for {chosen}: programs drive it in the languages of ABB, KUKA and FANUC alone; let it "
-            f"stand ({way})",
-        )
+    said = foreseen(cell, controller)
     if not released(name, moves.toolpath, gate, cell, moves):
         return (gate,)
-    if known not in (None, chosen):
-        said = f"that the controller takes it: the cell names {known}, and this is for {chosen}"
-        gate = dataclasses.replace(gate, loosened=(*gate.loosened, f"{NOT_CHECKED}{said}"))
+    if said:
+        gate = dataclasses.replace(gate, loosened=(*gate.loosened, said))
+    if not isinstance(cell, Cell):
+        return (gate,)
+    chosen = controller or (cell.controller.dialect if cell.controller else None)
+    assert chosen is not None
     cell = _told(cell, chosen)
     mills = moves.toolpath.mills
     of_root = root_checks(moves, gate, cell, root_tolerance_mm) if mills else ()

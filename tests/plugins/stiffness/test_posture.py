@@ -286,6 +286,21 @@ def test_a_clamp_between_sparse_points_is_found_by_the_search(cell: Cell, stiffn
         posture(here, stiffness, path, force(path)[0], step_deg=5.0)
 
 
+def test_where_the_cutter_hits_a_clamp_at_every_angle_the_search_ends_soon(
+    cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A block on the turntable holds the whole path: every posture of the grid was judged by itself."""
+    seen, asked = CollisionModel.first_hit, list[int]()
+    monkeypatch.setattr(CollisionModel, "first_hit", lambda *args: asked.append(1) or seen(*args))
+    pose = inverse(turntable_pose(cell, 0.0))
+    pose[:3, 3] += path.layers[0].position_mm.mean(axis=0)
+    block = Shape("block", ON_TURNTABLE, "box", (300.0, 300.0, 100.0), pose)
+    blocked = dataclasses.replace(cell, shapes=(*cell.shapes, block))
+    with pytest.raises(InputError, match=r"collision \d+ % .*'cutter' with 'block'"):
+        posture(blocked, stiffness, path, acts, step_deg=4.0, whole_map=False)
+    assert len(asked) < 1000
+
+
 def test_force_of_another_path_is_refused(cell, acts, path, stiffness):
     other = thinned(read(toolpath=PATH), 10)
     with pytest.raises(InputError, match="that of this path"):

@@ -60,6 +60,7 @@ STATION_MM, LEVER_MM, CHORD_MM = 12.0, 150.0, 0.2  # of stations: their step, wh
 # summed: at most 0.19 in 300,000 random postures with numbers from 5 to 50.
 STEEPEST = 0.25
 HOME_PLACES = 12  # on the way between home and the path, before the judge drives it
+EXACT = 1e-6  # to which joint angles have their pose, mm
 SAMPLED_AT = 16  # stations at which a cell's margins to singular postures are looked at
 CAUSES = (None, "singular", "limit", "unreachable", "collision")
 
@@ -172,21 +173,41 @@ class Examiner:
         self.on_part = (links == 6).any(axis=1) & (links == beside).any(axis=1)
         self.dense = points.densified(STATION_MM)  # as the tool goes from point to point
 
-    def examine(self, configuration: Int, rotation: Float, table: Float) -> Int:
+    def _back(self, flange: Float, distance_mm: float) -> Float:
+        """Poses (m, 4, 4) of the flange so far back along the cutter's axis."""
+        back = flange.copy()
+        back[:, :3, 3] -= distance_mm * (flange @ self.cell.flange_from_cutter)[:, :3, 2]
+        return back
+
+    def examine(self, configuration: Int, rotation: Float, table: Float, *, few: bool = False) -> Int:
         """Of cells (c,), each in one configuration all along: cause, hit (pair of bodies, or -1) and how (3, c).
 
         Joint angles and their limits at the stations. Bodies are proven apart along the whole way or, round the
         stations where that fails, asked of fcl at every point. Margins to singular postures at SAMPLED_AT stations.
+        `few`: of bodies alone, at three places; what is free there may not be all along.
         """
         made = np.empty((3, len(configuration)), int)
-        flange = flange_poses(self.cell, self.dense, self._stations[None], rotation[:, None], table[:, None])
         for which in np.unique(configuration).tolist():
             some = np.flatnonzero(configuration == which)
-            made[:, some] = self._judged(which, flange[some], rotation[some], table[some])
+            made[:, some] = (self._met if few else self._judged)(which, rotation[some], table[some])
         return made
 
-    def _judged(self, configuration: int, flange: Float, rotation: Float, table: Float) -> Int:
-        """As `examine`, in one configuration, with poses of the flange (c, s, 4, 4) at the stations."""
+    def _met(self, configuration: int, rotation: Float, table: Float) -> Int:
+        """As `examine`, before the path, behind it and at its middle, whatever the joints' limits."""
+        hit, process, last = np.full(len(table), -1), self.whole.process, len(self.points.layer) - 1
+        away = (0.0, 0.0) if process is None else (process.approach_mm, process.retract_mm)
+        for at, back_mm in zip(np.array([0, last, last // 2]), (*away, 0.0), strict=True):
+            left = np.flatnonzero(hit < 0)
+            flange = self._back(flange_poses(self.cell, self.points, at, rotation[left], table[left]), back_mm)
+            joints = self.arm.joint_angles(flange, configuration)
+            reached = np.abs(forward_kinematics(self.cell.chain, joints) - flange).max(axis=(1, 2)) < EXACT
+            some = left[reached]
+            hit[some] = self.screen.hits(joints[reached], self.points.external(table[some], np.full(len(some), at)))
+        return np.stack([np.where(hit < 0, FREE, COLLISION), hit, np.full(len(hit), SAMPLED)])
+
+    def _judged(self, configuration: int, rotation: Float, table: Float) -> Int:
+        """As `examine`, in one configuration."""
+        flange = flange_poses(self.cell, self.dense, self._stations[None], rotation[:, None], table[:, None])
         count, places = flange.shape[:2]
         joints = self.arm.joint_angles(flange.reshape(-1, 4, 4), configuration).reshape(count, places, 6)
         joints, within = followed(self.cell.chain, joints)
@@ -282,9 +303,7 @@ class Examiner:
         home = np.array(process.home.joints_deg) * DEG
         for end, distance_mm in ((0, process.approach_mm), (len(self.points.layer) - 1, process.retract_mm)):
             rows = np.flatnonzero(at == end)
-            back = flange[rows].copy()
-            back[:, :3, 3] -= distance_mm * (back @ self.cell.flange_from_cutter)[:, :3, 2]
-            joints = self.arm.joint_angles(back, configuration)
+            joints = self.arm.joint_angles(self._back(flange[rows], distance_mm), configuration)
             joints += 2 * np.pi * np.round((near[rows] - joints) / (2 * np.pi))
             low, high = self.cell.chain.limits.T
             within = ((joints >= low) & (joints <= high)).all(axis=1)  # false where nothing reaches it
@@ -444,7 +463,7 @@ def search(
         flat = ranked[start : start + size]
         flat = flat[state.cause[flat] == FREE]
         progress(start / len(ranked))
-        free = flat[state.examine(flat) == FREE]
+        free = flat[state.examine(flat, first=True) == FREE]
         for one in free[state.steady(free)].tolist():
             if state.choose(one, unsteady=False):
                 return state.choice(one), state.map()
@@ -491,12 +510,15 @@ class _State:
         which, table, rotation = np.unravel_index(flat, self.grid.said.shape)
         return which, self.grid.rotations[rotation], self.grid.tables[table]
 
-    def examine(self, flat: Int) -> Int:
-        """What stands in the way of each."""
-        if len(flat):
-            self.note(flat, self.examiner.examine(*self.place(flat)))
-            self._spread(flat)
-            self.examined += len(flat)
+    def examine(self, flat: Int, *, first: bool = False) -> Int:
+        """What stands in the way of each; `first`: it is looked for at a few places, then where none is all along."""
+        self.examined += len(flat)
+        for few in (True, False)[not first :]:
+            rest = flat[self.cause[flat] == FREE]
+            if len(rest):
+                found = self.examiner.examine(*self.place(rest), few=few)
+                self.note(rest, found)
+                self._spread(rest[few | (found[2] == EVERY_POINT)])
         return np.asarray(self.cause[flat])
 
     def steady(self, flat: Int) -> Bool:
@@ -531,8 +553,7 @@ class _State:
 
     def _spread(self, flat: Int) -> None:
         """What the tool hits on the part along the path it hits in every posture of that cutter rotation."""
-        of_part = np.append(self.examiner.on_part, False)[self.hit[flat]]
-        hits = flat[(self.cause[flat] == COLLISION) & (self.how[flat] == EVERY_POINT) & of_part]
+        hits = flat[np.append(self.examiner.on_part, False)[self.hit[flat]]]
         turns = len(self.grid.rotations)
         for turn, hit in dict(zip((hits % turns).tolist(), self.hit[hits].tolist(), strict=True)).items():
             every = np.arange(turn, self.cause.size, turns)

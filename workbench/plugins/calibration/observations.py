@@ -7,9 +7,8 @@ recorded ones, and so are their errors: frames between the same two recorded pos
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -141,12 +140,16 @@ class Motion:
             at = time_s[here]
             first, last = np.searchsorted(self.time_s, [at[0] - MARGIN_S, at[-1] + MARGIN_S]).tolist()
             window = (first, last) if last - first > MAX_DEGREE else (0, len(self.time_s))
-            smooth = self._smooth(*window)
-            middle[here], (rate[here], bend[here]) = smooth.middle, smooth.derivatives(at)
+            middle[here], derivatives = self._smooth(*window)
+            rate[here], bend[here] = derivatives(at)
         return middle, rate, bend
 
-    def _fitted(self, first: int, last: int) -> Smooth:
-        """The motion of the poses `first` to before `last`: polynomials of the degrees that they deserve."""
+    def _fitted(self, first: int, last: int) -> tuple[Float, Callable[[Float], tuple[Float, Float]]]:
+        """The motion of the poses `first` to before `last`: polynomials of the degrees that they deserve.
+
+        Their middle orientation (3, 3), and the first and second derivatives (m, 6) at times (m,) of the position and
+        of the rotation vector from there.
+        """
         rotation = rotation_from_quaternion(self.quaternion[first:last])
         middle = rotation[len(rotation) // 2]
         turned = vector_from_rotation(middle.T @ rotation)  # small enough to be unique within a scan
@@ -156,22 +159,13 @@ class Motion:
         both = [_series(x, position - position[0]), _series(x, turned)]
         size = max(len(one) for one in both)
         series = np.concatenate([np.pad(one, ((0, size - len(one)), (0, 0))) for one in both], axis=1)
-        return Smooth(middle, time[0], half, chebder(series) / half, chebder(series, 2) / half**2)
+        rate, bend = chebder(series) / half, chebder(series, 2) / half**2
 
+        def derivatives(time_s: Float) -> tuple[Float, Float]:
+            x = (time_s - time[0]) / half - 1.0
+            return np.asarray(chebval(x, rate).T), np.asarray(chebval(x, bend).T)
 
-class Smooth(NamedTuple):
-    """A smooth motion: derivatives of position, and of the rotation vector from a middle orientation."""
-
-    middle: Shaped[Float, "3 3"]
-    start_s: float
-    half_s: float
-    rate: Shaped[Float, "n 6"]  # as Chebyshev series over its time
-    bend: Shaped[Float, "o 6"]
-
-    def derivatives(self, time_s: Float) -> tuple[Float, Float]:
-        """First and second (m, 6) at times (m,)."""
-        x = (time_s - self.start_s) / self.half_s - 1.0
-        return np.asarray(chebval(x, self.rate).T), np.asarray(chebval(x, self.bend).T)
+        return middle, derivatives
 
 
 def _series(x: Float, values: Float) -> Float:

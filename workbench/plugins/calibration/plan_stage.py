@@ -8,7 +8,6 @@ exchange (Fedorov, Theory of Optimal Experiments, 1972).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -24,7 +23,6 @@ from workbench.api import (
     Int,
     Recording,
     Seed,
-    Shaped,
     frozen,
     pose_from,
     quaternion_from_rotation,
@@ -46,29 +44,32 @@ CANDIDATES = 800
 FEW = 20  # candidates that the robot must reach
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Where the robot may show the sphere: orientations about a nominal one, places in the profiler frame."""
-
-    base_from_profiler: Shaped[Float, "3 3"]  # nominal orientation
-    cone: float  # greatest tilt of the range axis from it, rad
-    roll: float  # greatest turn about the range axis, rad
-    middle_mm: tuple[float, float]  # of the view: x, z
-    half_mm: tuple[float, float]  # half its width and height
+Pair = tuple[float, float]
 
 
-def candidate_postures(limits: Limits, estimate: Estimate, count: int, rng: np.random.Generator) -> tuple[Float, Float]:
-    """Random postures within the limits, most of them on one: flange poses (c, 4, 4), sphere centres (c, 3)."""
-    radius = estimate.radius_mm
-    way, tilt = rng.uniform(0, 2 * np.pi, count), limits.cone * np.sqrt(_to_limit(rng, count))
-    roll = _either_way(limits.roll, rng, count)
+def candidate_postures(
+    nominal: Float, turn: Pair, middle_mm: Pair, half_mm: Pair, estimate: Estimate, rng: np.random.Generator
+) -> tuple[Float, Float]:
+    """Random postures within limits, most of them on one: flange poses (c, 4, 4), sphere centres (c, 3).
+
+    Args:
+        nominal: orientation (3, 3), base from profiler.
+        turn: greatest tilt of the range axis from it, and greatest turn about the range axis, rad.
+        middle_mm: of the view: x, z.
+        half_mm: half its width and height.
+        estimate: of the hand-eye pose, and of the sphere.
+        rng: draws them.
+    """
+    radius, count = estimate.radius_mm, CANDIDATES
+    way, tilt = rng.uniform(0, 2 * np.pi, count), turn[0] * np.sqrt(_to_limit(rng, count))
+    roll = _either_way(turn[1], rng, count)
     low, high = OFF_PLANE
     y = radius * (low + (high - low) * _to_limit(rng, count)) * _sign(rng, count)
-    x, z = (m + _either_way(h, rng, count) for m, h in zip(limits.middle_mm, limits.half_mm, strict=True))
+    x, z = (m + _either_way(h, rng, count) for m, h in zip(middle_mm, half_mm, strict=True))
     centre = np.stack([x, y, z], axis=1)
     tilted = rotation_from_vector(np.column_stack([tilt * np.cos(way), tilt * np.sin(way), np.zeros(count)]))
     turned = tilted @ rotation_from_vector(roll[:, None] * np.eye(3)[2])
-    flange = limits.base_from_profiler @ turned @ estimate.rotation.T
+    flange = nominal @ turned @ estimate.rotation.T
     lever = centre @ estimate.rotation.T + estimate.translation_mm
     return pose_from(flange, estimate.center_mm - (flange @ lever[..., None])[..., 0]), centre
 
@@ -164,10 +165,13 @@ def plan(
         (1, 'calibration_plan.csv')
     """
     estimate, noise = estimate_of(calibration), calibration.noise
-    limits = _limits(calibration, recording, (cone_deg, roll_deg), (half_width_mm, half_height_mm))
+    mean = Rotation.from_quat(recording.robot_quaternion_wxyz, scalar_first=True).mean().as_matrix()
+    x = float(np.nanmin(recording.x_mm) + np.nanmax(recording.x_mm)) / 2
+    middle_mm = x, float(calibration.centre_mm[calibration.used, 2].mean())
+    limits = (cone_deg * DEG, roll_deg * DEG), middle_mm, (half_width_mm, half_height_mm)
     seen = seen_again(calibration, profiles, recording).subset(calibration.used)
     known = Sphere(seen, noise).rows(estimate).normal().information
-    flange, centre = candidate_postures(limits, estimate, CANDIDATES, np.random.default_rng(seed))
+    flange, centre = candidate_postures(mean @ estimate.rotation, *limits, estimate, np.random.default_rng(seed))
     if cell is not None:
         reached = _reached(cell, flange)
         flange, centre = flange[reached], centre[reached]
@@ -181,8 +185,8 @@ def plan(
         base_from_flange=frozen(flange[which]),
         centre_mm=frozen(centre[which]),
         volume_u_mm=frozen(scale * volume),
-        middle_mm=limits.middle_mm,
-        half_mm=limits.half_mm,
+        middle_mm=middle_mm,
+        half_mm=(half_width_mm, half_height_mm),
     )
     return found, _table(found)
 
@@ -203,17 +207,6 @@ def seen_again(calibration: Calibration, profiles: SphereProfiles, recording: Re
     """Circles joined with the flange's poses, by the scales and the clock that the calibration has found."""
     seen = by_pass(rescaled(profiles, recording, sensor_of(calibration.hand_eye)), recording)
     return seen.place(calibration.time_offset_s or 0.0)
-
-
-def _limits(
-    calibration: Calibration, recording: Recording, turn_deg: tuple[float, float], half_mm: tuple[float, float]
-) -> Limits:
-    """About the mean orientation of the recording and the middle of its view, at the mean distance seen."""
-    mean = Rotation.from_quat(recording.robot_quaternion_wxyz, scalar_first=True).mean().as_matrix()
-    x = float(np.nanmin(recording.x_mm) + np.nanmax(recording.x_mm)) / 2
-    z = float(calibration.centre_mm[calibration.used, 2].mean())
-    cone, roll = (angle * DEG for angle in turn_deg)
-    return Limits(mean @ calibration.hand_eye.flange_from_profiler[:3, :3], cone, roll, (x, z), half_mm)
 
 
 def _reached(cell: InputFile, flange: Float) -> Float:

@@ -147,8 +147,8 @@ def _answers(target: Target[S], rotations: Float, offsets_s: Float) -> list[esti
     return sorted([*again, *fits[1:]], key=cost)
 
 
-def _rough(target: Target[S], at: S, steps: int = ROUGH_STEPS) -> estimator.Fit[S]:
-    return estimator.fit(target, at, estimator.nearest(target, at), steps)
+def _rough(target: Target[S], at: S) -> estimator.Fit[S]:
+    return estimator.fit(target, at, estimator.nearest(target, at), ROUGH_STEPS)
 
 
 def _solved(fit: Callable[[S], estimator.Fit[S]], starts: Iterable[S]) -> list[estimator.Fit[S]]:
@@ -236,7 +236,7 @@ def _refuse_unexplained(
         begun = read.starts(turns, np.zeros(1), REFINED // 2)[:2]
 
         def misfit() -> float:
-            fits = _solved(partial(_rough, read, steps=ROUGH_STEPS), (at for _, at in begun))
+            fits = _solved(partial(_rough, read), (at for _, at in begun))
             return min((off(one) for one in fits), default=np.inf)
 
         return begun[0][0], misfit

@@ -236,8 +236,7 @@ def _spindle_hz(value: Float, rate_hz: float, cut: Cutting) -> float:
     time = np.arange(len(off)) / rate_hz
     stated = cut.stated_rpm / 60.0
     most = max(int(cut.bandwidth_hz / stated), 1)
-    orders = np.array([k for k in (1, cut.cutter.flutes, 2 * cut.cutter.flutes) if k <= most])
-    orders = np.unique(np.append(orders, 1))
+    orders = sorted({1, *(k for k in (cut.cutter.flutes, 2 * cut.cutter.flutes) if k <= most)})
 
     def power(hz: float) -> float:
         return sum(float((np.abs(np.exp(-2j * np.pi * k * hz * time) @ off) ** 2).sum()) for k in orders)

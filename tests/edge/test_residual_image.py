@@ -16,7 +16,8 @@ from bench.score.swept import milled_part, worn
 from bench.simulators.swept import simulate_swept
 from tests.edge.test_broken_end import measured
 from workbench.artefacts import FORM
-from workbench.edge.residual_image import FaceImage, Linearity, SeenBy, forms
+from workbench.edge.column_errors import ColumnErrors, Linearity
+from workbench.edge.residual_image import FaceImage, SeenBy, forms
 from workbench.errors import WorkbenchError
 from workbench.result_files import SensorFile
 from workbench.units import DEG, Float
@@ -87,12 +88,18 @@ def test_a_sensor_file_may_say_more(tmp_path: Path) -> None:
 PLACE_MM = np.linspace(-0.75, 0.75, 16)
 
 
+def seen_by(middle_mm: float = 0.0, lean: float = 1.0) -> SeenBy:
+    """A pass that sees the face's middle there, ten columns a mm."""
+    ends, middle, place = np.array([-1.0, 1.0]), np.full(2, middle_mm), PLACE_MM / lean
+    return SeenBy(ends, middle, 10.0 * middle + 20.0, place, 10.0 * place, lean)
+
+
 def image_of(mean: Float, *passes: SeenBy) -> FaceImage:
     """A face without lean, of whose places each stretch (k, 16) leaves so much beside 1 um of noise."""
     count = len(mean)
     noise = np.broadcast_to(1e-6 * np.eye(16), (count, 16, 16))
     of_pass = np.arange(count) if passes else np.zeros(count, int)
-    return FaceImage(np.zeros((count, 2)), mean, noise, PLACE_MM, np.ones(count), of_pass, passes=passes)
+    return FaceImage(np.zeros((count, 2)), mean, noise, PLACE_MM, np.ones(count), of_pass, passes or (seen_by(),))
 
 
 @pytest.mark.parametrize(("begin", "end", "end_mm"), [(9, 16, 0.03), (5, 9, 0.0), (0, 4, 0.03)])
@@ -129,7 +136,7 @@ def test_noise_alone_turns_no_line() -> None:
 
 def test_a_face_without_noise_has_the_sensors_linearity() -> None:
     """Returns that all lie on one digit of the sensor, as of a face square to its rays."""
-    passes = [SeenBy(-1.0, 1.0, PLACE_MM + off, 1.0) for off in (0.0, 10.0)]
+    passes = [seen_by(off) for off in (0.0, 10.0)]
     for image in (image_of(np.zeros((1, 16))), image_of(np.zeros((2, 16)), *passes)):
         seen = (image._replace(noise=share * image.noise) for share in (0.0, 1e-4))
         one, other = (forms([of], np.zeros(1), Linearity())[0] for of in seen)
@@ -141,25 +148,25 @@ def test_a_face_without_noise_has_the_sensors_linearity() -> None:
 def test_passes_average_what_the_sensor_errs_by_other_columns(apart_mm: float, share: float) -> None:
     linearity, nothing = Linearity(0.02, 1.0), np.zeros((2, 16))
     one = forms([image_of(nothing[:1])], np.zeros(1), linearity)[0]
-    passes = [SeenBy(-1.0, 1.0, PLACE_MM + off, 1.0) for off in (0.0, apart_mm)]
+    passes = [seen_by(off) for off in (0.0, apart_mm)]
     both = forms([image_of(nothing, *passes)], np.zeros(1), linearity)[0]
     for name in ("turn_u", "lower_u_mm", "upper_u_mm"):
         assert getattr(both, name)[0] == pytest.approx(share * getattr(one, name)[0], rel=0.03), name
 
 
 @pytest.mark.parametrize(("apart_mm", "share"), [(0.0, 1.0), (10.0, np.sqrt(0.5))])
-def test_passes_average_what_lasts_in_other_columns(apart_mm: float, share: float) -> None:
-    walked = image_of(np.random.default_rng(8).normal(0.0, 0.01, (1, 16)).cumsum(axis=1))
-    passes = [SeenBy(-1.0, 1.0, PLACE_MM + off, 1.0) for off in (0.0, apart_mm)]
-    images = image_of(np.zeros((1, 16))), image_of(np.zeros((2, 16)), *passes)
-    seen = [image._replace(by_columns=lambda _: walked) for image in images]
-    told = [forms([image], np.zeros(1), Linearity(0.0))[0].turn_u[0] for image in seen]
+def test_passes_average_what_is_open_of_other_columns(apart_mm: float, share: float) -> None:
+    column = np.arange(200)
+    open_mm2 = 1e-4 * np.exp(-np.abs(column[:, None] - column) / 3.0)
+    errors = ColumnErrors(np.zeros(200), column, open_mm2)
+    images = image_of(np.zeros((1, 16))), image_of(np.zeros((2, 16)), seen_by(), seen_by(apart_mm))
+    told = [forms([one._replace(errors=errors)], np.zeros(1), Linearity(0.0))[0].turn_u[0] for one in images]
     assert told[1] == pytest.approx(share * told[0], rel=0.03)
 
 
 def test_what_a_sensor_errs_counts_less_on_a_steep_face() -> None:
     """By the rays: across the face is less, and more of it lies between two columns."""
-    square, steep = (SeenBy(-1.0, 1.0, PLACE_MM / lean, lean) for lean in (1.0, 2.0))
+    square, steep = (seen_by(lean=lean) for lean in (1.0, 2.0))
     one, other = (forms([image_of(np.zeros((1, 16)), of)], np.zeros(1), Linearity(0.02))[0] for of in (square, steep))
     assert other.turn_u[0] == pytest.approx(one.turn_u[0] / 2.0**1.5, rel=0.05)
 
@@ -168,7 +175,7 @@ def test_passes_do_not_average_what_lasts_of_a_face() -> None:
     """As uncertain as by one pass; more of the same tells only how strong it is."""
     walked = np.stack([np.random.default_rng(8).normal(0.0, 0.02, 16).cumsum()] * 2)
     one = forms([image_of(walked[:1])], np.zeros(1), Linearity(0.0))[0]
-    passes = [SeenBy(-1.0, 1.0, PLACE_MM + off, 1.0) for off in (0.0, 10.0)]
+    passes = [seen_by(off) for off in (0.0, 10.0)]
     both = forms([image_of(walked, *passes)], np.zeros(1), Linearity(0.0))[0]
     assert both.turn_u[0] == pytest.approx(one.turn_u[0], rel=0.2)
 

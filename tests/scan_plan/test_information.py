@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from workbench.edge.broken_end import ALIKE_MM
-from workbench.edge.residual_image import Linearity
+from workbench.edge.column_errors import Linearity
 from workbench.scan_plan.information import Joint, Knowledge, Predicted, Profiler, View, combined, information
 from workbench.scan_plan.rehearsal import _farther_mm
 from workbench.units import DEG

@@ -17,7 +17,7 @@ from workbench.certificate import (
     left_out,
     names_of,
 )
-from workbench.edge.residual_image import Linearity
+from workbench.edge.column_errors import Linearity
 from workbench.edge.unseen import SCALE
 from workbench.errors import InputError
 from workbench.units import AnyArray

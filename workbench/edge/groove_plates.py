@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.artefacts import Cloud
+from workbench.edge.column_errors import Linearity, without_column_errors
 from workbench.edge.directions import wrapped
 from workbench.edge.fillet import Fillets, fit_below_flank, fit_circle
 from workbench.edge.groove_frames import LEAST_FACE, ReadFrames, middles
@@ -114,7 +115,7 @@ class Plate:
 
 
 def plates(
-    cloud: Cloud, read: ReadFrames, curve: Curve, s: Float
+    cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, sensor: Linearity
 ) -> tuple[tuple[Plate, Plate], AnyArray, Course, float]:
     """Both plates of the profiles at s (n,), drawn as left ones, and the labels of their returns (n, M).
 
@@ -127,7 +128,14 @@ def plates(
         for k, (side, columns) in enumerate(zip(sides, read.columns, strict=True)):
             labels[k, columns[side.upper]], labels[k, columns[side.face]] = upper, face
     shown = [pair[: 1 if kind in UNSEEN else 2] for kind, pair in zip(read.kinds, LABELS, strict=True)]
-    faces = [[labelled_lines(mine.x_mm, mine.z_mm, labels, label) for label in pair] for pair in shown]
+
+    def lines(of: Cloud) -> dict[int, FaceLines]:
+        """Of all faces that are shown."""
+        return {label: labelled_lines(of.x_mm, of.z_mm, labels, label) for pair in shown for label in pair}
+
+    mine, errors = without_column_errors(mine, labels, lines(mine), sensor)
+    by_label = lines(mine)
+    faces = [[by_label[label] for label in pair] for pair in shown]
     ways = [-read.flip, read.flip]  # towards the groove
     sections = [
         [section_lines(one, one.slope, mine.base_from_profiler, way, _noise(one), curve, s) for one in pair]
@@ -139,7 +147,8 @@ def plates(
     turn, out = about - tilt.value(s), []
     for k in (0, 1):
         images = [
-            face_image(mine, labels, one, label, ways[k], s) for one, label in zip(faces[k], shown[k], strict=True)
+            face_image(mine, labels, one, label, ways[k], s, errors=errors.get(label))
+            for one, label in zip(faces[k], shown[k], strict=True)
         ]
         out.append(_plate(_View(mine, read, curve, s, turn, middle, k), sections[k], images))
     return (out[0], out[1]), labels, tilt, about

@@ -10,12 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import Corner, Quantity
+from workbench.edge.column_errors import Linearity
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.fillet import FORM_U_MM
 from workbench.edge.groove_plates import SHOWS, UNSEEN, Plate
 from workbench.edge.groove_profile import BELOW_MM
 from workbench.edge.joint_lines import LEAST_FRAMES, Along, JointLines, Place, Values, corners, hidden, typical
-from workbench.edge.residual_image import Linearity, forms
+from workbench.edge.residual_image import forms
 from workbench.edge.root_end import RootView, beyond
 from workbench.edge.steps import LEAST_SHARE, own_places, readings
 from workbench.geometry.along import in_order

@@ -10,16 +10,15 @@ stands aside as a whole; how strong they are is weighed by their restricted like
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from workbench.artefacts import Cloud
 from workbench.edge.broken_end import SAMPLE_FRAMES
+from workbench.edge.column_errors import ColumnErrors, Linearity
 from workbench.geometry.along import by_pass
 from workbench.geometry.blocks import as_input, evenly
 from workbench.geometry.chains import FaceLines
@@ -44,32 +43,7 @@ LEAST_NOISE_MM = 1e-6  # where all returns of a face lie on one digit, nothing e
 # Shares, before, of faces of which a part stands aside as a whole, and of bowed ones; by how much, mm, alike likely.
 PART, BOWED, ASIDE_MM = 0.01, 0.01, np.array([0.01, 0.03, 0.1, 0.3])
 RARE = 5.0  # a likelihood smaller by a factor whose logarithm is this counts for nothing
-
-
-class Linearity(NamedTuple):
-    """The sensor's own error over its columns, an Ornstein-Uhlenbeck process: rms and correlation length, mm.
-
-    What is not declared is taken for half a micrometre, the least that a face's own residuals cannot disprove, and for
-    a quarter of a wave twice as long as a usual field of view.
-    """
-
-    rms_mm: float = 0.0005
-    length_mm: float = 18.0
-
-    def covariance(self, apart_mm: Float) -> Float:
-        """Of the errors of two places so far apart, mm^2."""
-        return np.asarray(self.rms_mm**2 * np.exp(-np.abs(apart_mm) / self.length_mm))
-
-
-def declared_linearity(sensor: Path | None) -> Linearity:
-    """The linearity that a `sensor.json` declares; the default where there is none, or it says nothing of it."""
-    from workbench.result_files import SensorFile  # pydantic: loaded when there is something to read
-
-    told = SensorFile() if sensor is None else SensorFile.read(sensor)
-    usual = Linearity()
-    return Linearity(
-        usual.rms_mm if told.linearity_mm is None else told.linearity_mm, told.linearity_length_mm or usual.length_mm
-    )
+FIELD_STATIONS = 32  # of the edge, at which the sensor's errors are looked up
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,10 +82,17 @@ class FaceForm:
 class SeenBy(NamedTuple):
     """A pass that sees a face."""
 
-    first_mm: float  # along the edge, from where
-    last_mm: float
-    column_mm: Shaped[Float, " p"]  # lateral places of the sensor that see the places on the face
+    s: Shaped[Float, " k"]  # of some of its frames, in order, mm along the edge
+    middle_mm: Shaped[Float, " k"]  # the face's middle in these, along the sensor's lateral axis
+    column: Shaped[Float, " k"]  # and as a number of a column
+    place_mm: Shaped[Float, " p"]  # of the places on the face beside that
+    place: Shaped[Float, " p"]  # the same as numbers of columns
     lean: float  # mm along the face by mm of the sensor's lateral axis
+
+    def seen_at(self, at: Float) -> tuple[Float, Float]:
+        """What sees the places at arc lengths (m,): lateral places, mm, and columns, (m, p)."""
+        middle, column = (np.interp(at, self.s, of)[:, None] for of in (self.middle_mm, self.column))
+        return middle + self.place_mm, column + self.place
 
 
 class FaceImage(NamedTuple):
@@ -123,19 +104,25 @@ class FaceImage(NamedTuple):
     place_mm: Shaped[Float, " p"]  # along the face from its middle, towards its lower end
     lean: Shaped[Float, " k"]  # mm along the face by mm of the sensor's lateral axis
     of_pass: Shaped[Int, " k"]  # number of the pass of each stretch
-    wide: int = 1  # columns a place
-    passes: tuple[SeenBy, ...] = ()  # (): one, all along
-    # What places leave by the sensor's columns, as wide as the places of the image that is given; None: too few.
-    by_columns: Callable[[FaceImage], FaceImage | None] = lambda _: None
+    passes: tuple[SeenBy, ...] = ()
+    errors: ColumnErrors | None = None  # of the sensor where it sees the face; None: only what it is declared to err
 
 
 def face_image(
-    cloud: Cloud, labels: AnyArray, face: FaceLines, label: int, side: Float, s_frames: Float, bow: Float | None = None
+    cloud: Cloud,
+    labels: AnyArray,
+    face: FaceLines,
+    label: int,
+    side: Float,
+    s_frames: Float,
+    bow: Float | None = None,
+    errors: ColumnErrors | None = None,
 ) -> FaceImage | None:
     """The residual image of the face with this label in `labels` (N, M); None: too little of it is seen.
 
     side (N,): its lower end lies towards rising side * x. s_frames (N,): arc length of each frame, mm.
     bow (N,): by which oblique frames see it bent along the range axis, times distance^2, 1/mm; None: by nothing.
+    errors: what is open of those of the sensor's columns, which the cloud is rid of.
     """
     of_passes = by_pass(cloud.pass_index, np.isfinite(s_frames) & (face.count > LEAST_PLACES))
     frames = np.concatenate([np.zeros(0, np.int64), *(mine[evenly(mine.size, SAMPLE_FRAMES)] for mine in of_passes)])
@@ -155,36 +142,31 @@ def face_image(
     bent = np.zeros(frames.size) if bow is None else np.nan_to_num(bow[frames])
     line = np.stack([face.x_mean[frames], face.z_mean[frames], slope, side[frames], bent, spread], axis=1)
     x, z = (as_input(of[frames, part]) for of in (cloud.x_mm, cloud.z_mm))
-    place, off = np.full(on.shape, -1), np.full(on.shape, np.nan)
     value = np.empty((frames.size, places))
-    _laid_out(x, z, as_input(on), line, half, place, off, value)
+    _laid_out(x, z, as_input(on), line, half, value)
     width = 2.0 * half / places
     place_mm, s = (np.arange(places) + 0.5 - 0.5 * places) * width, s_frames[frames]
     numbers, group = np.unique(cloud.pass_index[frames], return_inverse=True)
     image = _pooled(value, s, place_mm, lean, group)
     if image is None:
         return None
-    mean, passes = np.full(value.shape, np.nan), []
+    ends = face.columns[frames]
+    first_mm, last_mm = np.take_along_axis(cloud.x_mm[frames], ends, axis=1).T
+    pitch_mm = float(np.nanmedian((last_mm - first_mm) / np.maximum(ends[:, 1] - ends[:, 0], 1)))
+    passes = []
     for number in range(numbers.size):
-        here, mine = group == number, image.of_pass == number
-        if mine.any():
-            mean[here] = _between(s[here], image.s[mine], image.mean[mine]).T
-        middle, sense = np.median(face.x_mean[frames][here]), np.median(side[frames][here])
-        of_pass = float(np.median(lean[here]))
-        passes.append(SeenBy(s[here].min(), s[here].max(), middle + sense * place_mm / of_pass, of_pass))
-    here = place >= 0
-    often = np.flatnonzero(here.sum(axis=0) >= OFTEN * frames.size)
-    wide = max(1, round(float(np.median(here.sum(axis=1))) / places))
-    left = off[:, often] - np.take_along_axis(mean, place[:, often].clip(0), axis=1)
-    known = np.isfinite(left)
-    sums = np.cumsum(np.pad(np.stack([np.where(known, left, 0.0), known]), ((0, 0), (0, 0), (1, 0))), axis=2)
-    by_columns = partial(_patches, sums, width / wide, lean)
-    return image._replace(wide=wide, passes=tuple(passes), by_columns=by_columns)
+        mine = np.flatnonzero(group == number)
+        mine = mine[np.argsort(s[mine])]
+        of_pass = float(np.median(lean[mine]))
+        aside = float(np.median(side[frames][mine])) * place_mm / of_pass
+        middle_mm, column = face.x_mean[frames][mine], ends[mine].mean(axis=1)
+        passes.append(SeenBy(s[mine], middle_mm, column, aside, aside / pitch_mm, of_pass))
+    return image._replace(passes=tuple(passes), errors=errors)
 
 
 @kernel
-def _laid_out(x: Float32, z: Float32, on: Bool, line: Float, half: float, place: Int, off: Float, value: Float) -> None:
-    """Fill in where returns (f, n) lie along a face, how far off its line, and the means of places (f, p); else NaN.
+def _laid_out(x: Float32, z: Float32, on: Bool, line: Float, half: float, value: Float) -> None:
+    """Fill in how far returns (f, n) of a face lie off its line, on average at places along it (f, p); else NaN.
 
     line (f, 6): x and z of its middle, its slope, the side of its lower end, the bow of an oblique frame (1/mm) and the
     mean square distance from the middle (mm^2), of which the line has its share; half (mm): of what is seen of it.
@@ -201,42 +183,11 @@ def _laid_out(x: Float32, z: Float32, on: Bool, line: Float, half: float, place:
                 dx = np.float64(x[i, j]) - middle_x
                 k = math.floor((dx * side * lean / half + 1.0) * 0.5 * places)
                 if 0 <= k < places:
-                    place[i, j] = k
                     bent = bow * ((dx * lean) ** 2 - spread)
-                    off[i, j] = (np.float64(z[i, j]) - middle_z - slope * dx) / lean - bent
-                    total[k] += off[i, j]
+                    total[k] += (np.float64(z[i, j]) - middle_z - slope * dx) / lean - bent
                     count[k] += 1.0
         for k in range(places):
             value[i, k] = total[k] / count[k] if count[k] > 0.0 else np.nan
-
-
-def _patches(sums: Float, column_mm: float, lean: Float, asked: FaceImage) -> FaceImage | None:
-    """Patches of what places leave in frames by columns, with places as wide as those of the face asked about.
-
-    It is fixed to the sensor: places of a wide face average out what turns a narrow one, and those of a face that moves
-    in the view what stays in its column. sums (2, f, n + 1): of that before each of n columns, and how much is seen.
-    """
-    columns = sums.shape[2] - 1
-    places = min(PLACES, columns // asked.wide)
-    if places < LEAST_PLACES:
-        return None
-    size = places * asked.wide
-    last = columns - size
-    low = np.linspace(0, last, min(PLACES, columns // size)).astype(np.int64)
-    low = low[2 * low <= last]
-    begins = np.union1d(low, last - low)  # the same from either end
-    place = (np.arange(places) - 0.5 * (places - 1)) * column_mm * asked.wide
-    whole, found = [np.arange(len(lean))], []
-    for begin in begins:
-        total, count = np.diff(sums[:, :, begin + asked.wide * np.arange(places + 1)], axis=2)
-        value = np.where(count > 0.0, total / np.maximum(count, 1.0), np.nan)
-        found.append(_image(value, whole, np.zeros((1, 2)), place, lean, np.zeros(1, np.int64)))
-    some = [(one.mean, one.noise) for one in found if one is not None]
-    if not some:
-        return None
-    mean, noise = (np.concatenate(parts) for parts in zip(*some, strict=True))
-    lean = np.full(len(mean), np.median(lean))
-    return FaceImage(np.zeros((lean.size, 2)), mean, noise, place, lean, np.zeros(lean.size, np.int64))
 
 
 def _pooled(value: Float, s: Float, place_mm: Float, lean: Float, group: Int) -> FaceImage | None:
@@ -326,18 +277,16 @@ def _together(left: Float) -> float:
 def forms(images: Sequence[FaceImage | None], at: Float, sensor: Linearity) -> tuple[FaceForm, ...]:
     """The form of each face at arc lengths `at` (m,) mm.
 
-    A walk's strength, along the faces or over the sensor's columns, is one for all faces, as a sensor's is, so that
-    each that a scan shows tells it, a wide one most; or each face's own: weighed by what the images say.
+    A walk's strength along the faces is one for all, as a sensor's is, so that each that a scan shows tells it, a wide
+    one most; or each face's own: weighed by what the images say.
     """
-    known = [None if one is None else _weighed(one, True) for one in images]
+    known = [None if one is None else _weighed(one) for one in images]
     nothing, out = np.zeros(at.size), []
-    for f, (image, weighed, walk) in enumerate(zip(images, known, _walks(known), strict=True)):
+    for image, weighed, walk in zip(images, known, _walks(known), strict=True):
         if image is None or weighed is None:
             out.append(FaceForm(nothing, nothing, nothing, 1.0, nothing, nothing, nothing))
             continue
-        columns = [None if one is None else one.by_columns(image) for one in images]
-        by_columns = _walks([None if one is None else _weighed(one, False) for one in columns])[f]
-        out.append(_form(image, weighed.lasting(walk), at, sensor, float(by_columns @ WALKS**2)))
+        out.append(_form(image, weighed.lasting(walk), at, sensor))
     return tuple(out)
 
 
@@ -382,8 +331,8 @@ class _Weighed(NamedTuple):
         return found
 
 
-def _weighed(image: FaceImage, with_parts: bool) -> _Weighed:
-    """Restricted log-likelihoods of each stretch's mean residuals; with_parts: a part of the face may stand aside."""
+def _weighed(image: FaceImage) -> _Weighed:
+    """Restricted log-likelihoods of each stretch's mean residuals."""
     t = image.place_mm
     shapes = np.stack([np.ones_like(t), t / t[-1]], axis=1)
     base = image.noise + FREE_MM**2 * shapes @ shapes.T + LEAST_NOISE_MM**2 * np.eye(t.size)
@@ -393,10 +342,9 @@ def _weighed(image: FaceImage, with_parts: bool) -> _Weighed:
     _likelihoods(means, log, square)
     log += prior
     found = _Weighed(image, log, np.zeros((*log.shape, t.size)), np.zeros((*log.shape, t.size, t.size)))
-    if with_parts:
-        least = log.max(axis=(1, 2)) - math.log(PART) - RARE
-        possible = np.argwhere(log + 0.5 * square > least[:, None, None])
-        _add_parts(means, possible, least, *_parts(t.size), log, found.aside_mm, found.aside_square)
+    least = log.max(axis=(1, 2)) - math.log(PART) - RARE
+    possible = np.argwhere(log + 0.5 * square > least[:, None, None])
+    _add_parts(means, possible, least, *_parts(t.size), log, found.aside_mm, found.aside_square)
     return found
 
 
@@ -570,12 +518,12 @@ def _walk(image: FaceImage) -> Float:
     return np.asarray(along / image.lean[:, None, None] ** 3)
 
 
-def _form(image: FaceImage, lasting: Sequence[_Lasting], at: Float, sensor: Linearity, walk: float) -> FaceForm:
+def _form(image: FaceImage, lasting: Sequence[_Lasting], at: Float, sensor: Linearity) -> FaceForm:
     """What the line owes to what may last in each stretch.
 
     A line has the mean of what all passes at a place make of it, by what they tell of its direction: what lasts may be
-    the face's own, and is held for the same in all; what the sensor errs by its columns (walk: of it, squared strength)
-    averages, as far as passes see the face by other columns.
+    the face's own, and is held for the same in all; what the sensor errs by its columns averages, as far as passes see
+    the face by other columns.
     """
     t = image.place_mm
     end = 0.5 * (3.0 * t[-1] - t[-2])
@@ -591,33 +539,31 @@ def _form(image: FaceImage, lasting: Sequence[_Lasting], at: Float, sensor: Line
         other = np.maximum((weights @ mean) ** 2 - _variance(weights, noise), 0.0)
         variance = _variance(centred, one.covariance) + _variance(beside, one.aside_covariance)
         rows.append(np.append(np.sqrt(variance + either**2 + other), beside @ one.aside_mm))
-    passes = image.passes or (SeenBy(-math.inf, math.inf, t / image.lean[0], float(image.lean[0])),)
     tells = 1.0 / np.array([_variance(weights[:1], noise)[0] + LEAST_NOISE_MM**2 for noise in image.noise])
-    share, told = np.zeros((len(passes), at.size)), np.zeros((len(passes), 6, at.size))
-    for number, seen in enumerate(passes):
+    share, told = np.zeros((len(image.passes), at.size)), np.zeros((len(image.passes), 6, at.size))
+    for number, seen in enumerate(image.passes):
         mine = image.of_pass == number
         if mine.any():
             told[number] = _between(at, image.s[mine], np.array(rows)[mine])
-            here = (at >= seen.first_mm) & (at <= seen.last_mm)
-            share[number] = np.where(here, 1.0, 1e-6) * tells[mine].sum()  # where no pass is: all
+            shows = (at >= seen.s[0]) & (at <= seen.s[-1])
+            share[number] = np.where(shows, 1.0, 1e-6) * tells[mine].sum()  # where no pass is: all
     share /= share.sum(axis=0)
-    apart = [[a.column_mm[:, None] - b.column_mm for b in passes] for a in passes]
-    leans = np.array([one.lean for one in passes])
-    both = np.multiply.outer(leans, leans)[..., None, None]
-    field = sensor.covariance(np.array(apart)) - 0.5 * walk * _apart(np.array(apart), (t[1] - t[0]) / np.sqrt(both))
-    field = np.einsum("cx,pqxy,cy->cpq", centred, field / both, centred)
+    some = evenly(at.size, FIELD_STATIONS)
+    by_sensor = np.zeros((3, some.size))
+    for a, here in enumerate(image.passes):
+        for b, other in enumerate(image.passes):
+            (x, columns), (y, beside_columns) = here.seen_at(at[some]), other.seen_at(at[some])
+            errs = sensor.covariance(x[:, :, None] - y[:, None, :])
+            if image.errors is not None:
+                errs = errs + image.errors.common(columns, beside_columns)
+            errs = np.einsum("cx,kxy,cy->ck", centred, errs, centred) / (here.lean * other.lean)
+            by_sensor += share[a, some] * errs * share[b, some]
     mean = np.einsum("pm,pcm->cm", share, told)
-    by_sensor = np.einsum("pm,cpq,qm->cm", share, field, share)
-    turn_u, lower_u, upper_u = np.sqrt(mean[:3] ** 2 + by_sensor)
+    variance = np.stack([np.interp(at, at[some], row) for row in by_sensor])
+    turn_u, lower_u, upper_u = np.sqrt(mean[:3] ** 2 + np.maximum(variance, 0.0))
     turn, lower, upper = mean[3:]
     aside_mm = max(float(np.abs(one.aside_mm).max()) for one in lasting)
     return FaceForm(turn_u, lower_u, upper_u, 2.0 * end, turn, lower, upper, aside_mm)
-
-
-def _apart(middle_mm: Float, wide_mm: Float) -> Float:
-    """Mean distance of two points of two places whose middles lie so far apart, each so wide."""
-    away = np.minimum(np.abs(middle_mm) / wide_mm, 1.0)
-    return np.abs(middle_mm) + wide_mm * (1.0 - away) ** 3 / 3.0
 
 
 def _variance(weights: Float, covariance: Float) -> Float:

@@ -14,6 +14,7 @@ from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check, judged_by
 from workbench.checks.profiles import in_order
 from workbench.checks.window import hidden_columns_u
+from workbench.edge.column_errors import declared_linearity
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.extrapolated import name_extrapolated
 from workbench.edge.groove_frames import ReadFrames, axes, groove_curve, read_frames
@@ -29,7 +30,6 @@ from workbench.edge.parameters import (
     RobotNoiseOrUsual,
     usual_noise_mm,
 )
-from workbench.edge.residual_image import declared_linearity
 from workbench.edge.root_end import BLUNTED
 from workbench.edge.segment_stage import laser_plane_u
 from workbench.edge.unseen import by_window, fixed_end_check
@@ -81,7 +81,8 @@ def segment_groove(
     checks = _read_checks(read, limits)
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")
     curve, read, s = groove_curve(cloud, read)
-    both, labels, tilt, about = plates(cloud, read, curve, s)
+    linearity = declared_linearity(sensor)
+    both, labels, tilt, about = plates(cloud, read, curve, s, linearity)
     cut = both[0].cut | both[1].cut
     told = (CUT.format(100.0 * cut.mean()),) if cut.any() else ()
     if told and min(np.isfinite(one.end[:, 0]).sum() for one in both) < LEAST_FRAMES:
@@ -102,7 +103,7 @@ def segment_groove(
         both,
         along,
         lean,
-        declared_linearity(sensor),
+        linearity,
         hidden_columns_u(cloud.checks),
         edge_condition,
         0.5 if groove == "auto" else float(groove in KNIVES),

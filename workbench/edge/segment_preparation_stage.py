@@ -26,6 +26,7 @@ from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check, judged_by
 from workbench.checks.profiles import in_order
 from workbench.edge.broken_end import broken_end, is_free_end, root_rim
+from workbench.edge.column_errors import declared_linearity, without_column_errors
 from workbench.edge.directions import near_slope, wrapped
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.extrapolated import name_extrapolated
@@ -52,7 +53,7 @@ from workbench.edge.prepared_frames import (
     read_plates,
     straight_corners,
 )
-from workbench.edge.residual_image import FaceForm, Linearity, declared_linearity, face_image, forms
+from workbench.edge.residual_image import FaceForm, face_image, forms
 from workbench.edge.segment_stage import Declared, either_piece_u, milled_edge
 from workbench.edge.unseen import by_window, root_end_check
 from workbench.errors import InputError
@@ -112,6 +113,11 @@ def segment_preparation(
     side = None if upper_side is None else np.array(upper_side)
     plates = read_plates(cloud, root_nominal_mm, side)
     frames = frames_of(cloud, plates)
+    linearity, tracked = declared_linearity(sensor), frames.tracked
+    better, errors = without_column_errors(cloud, tracked.labels, tracked.faces, linearity)
+    if better is not cloud:
+        cloud, plates = better, read_plates(better, root_nominal_mm, side)
+        frames = frames_of(cloud, plates)
     if preparation not in ("auto", frames.kind):
         raise InputError(
             f"{cloud.source}: preparation '{preparation}'",
@@ -129,11 +135,11 @@ def segment_preparation(
     refuse_failed(checks, *_refused(cloud, frames))
     try:
         measured = measure_edge(cloud, frames.tracked, rounding)
-        declared = Declared(declared_linearity(sensor), usual_noise_mm(robot_noise_mm), robot_noise_length_mm, end_u_mm)
+        declared = Declared(linearity, errors, usual_noise_mm(robot_noise_mm), robot_noise_length_mm, end_u_mm)
         edge = milled_edge(cloud, frames.tracked, measured, rounding, declared, checks)
-        chain = _Chain(cloud, frames, measured, edge, declared.sensor)
+        chain = _Chain(cloud, frames, measured, edge, declared)
         if frames.kind == "J":  # the flank's line may have leant on its fillet, before that was known
-            chain = _Chain(cloud, frames_of(cloud, plates, rim, chain.flank_mm()), measured, edge, declared.sensor)
+            chain = _Chain(cloud, frames_of(cloud, plates, rim, chain.flank_mm()), measured, edge, declared)
             checks.extend(chain.fillet_checks(limits))
             refuse_failed(checks, *_refused(cloud, frames))
         sizes, corners = chain.sizes(), chain.corners
@@ -205,7 +211,7 @@ class _Chain:
     """Sizes and corners at the stations of an edge, from the faces' lines in every frame."""
 
     def __init__(
-        self, cloud: Cloud, frames: PreparedFrames, measured: Measured, edge: MilledEdge, sensor: Linearity
+        self, cloud: Cloud, frames: PreparedFrames, measured: Measured, edge: MilledEdge, declared: Declared
     ) -> None:
         self.cloud, self.frames, self.measured, self.edge = cloud, frames, measured, edge
         self.kind = frames.kind
@@ -228,7 +234,7 @@ class _Chain:
         ]
         # the root face hangs on the lower edge, which the curve follows
         lines = joined(sections, self.s, self.group, np.zeros((self.s.size, 2)))
-        self.joint = JointLines(cloud.source, lines, self._forms(sensor, lines), along)
+        self.joint = JointLines(cloud.source, lines, self._forms(declared, lines), along)
         self.lines = self.joint.lines
         self.corners: dict[str, Corner] = {}
 
@@ -291,16 +297,25 @@ class _Chain:
         found = [one.flank_mm(float(falls[i])) for i, one in enumerate(fillets) if one is not None]
         return float(np.median(found)) if found else math.inf
 
-    def _forms(self, sensor: Linearity, lines: Sequence[FaceLine]) -> list[FaceForm]:
+    def _forms(self, declared: Declared, lines: Sequence[FaceLine]) -> list[FaceForm]:
         """What the straight line of each face leaves; and where checks found a corner in a face, either piece's."""
         tracked, either = self.frames.tracked, either_piece_u(self.edge.checks)
         s = np.nan_to_num(self.s)
         bows = [one.section.bow_in_range(one.course.slope(s)) for one in lines]
         images = tuple(
-            face_image(self.cloud, tracked.labels, tracked.faces[label], label, tracked.side, self.s, bow)
+            face_image(
+                self.cloud,
+                tracked.labels,
+                tracked.faces[label],
+                label,
+                tracked.side,
+                self.s,
+                bow,
+                declared.errors.get(label),
+            )
             for label, bow in zip(self.frames.order, bows, strict=True)
         )
-        known = (one.uncorrected for one in forms(images, self.at, sensor))
+        known = (one.uncorrected for one in forms(images, self.at, declared.sensor))
         return [replace(one, turn_u=np.hypot(one.turn_u, either)) for one in known]
 
     def _few_values(self, places: list[Float], angles: list[Float]) -> Values:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Annotated, NamedTuple
 
@@ -33,6 +33,7 @@ from workbench.checks.limits import judged_by
 from workbench.checks.residuals import FaceAlong, Late, every_second, late_check, late_of
 from workbench.checks.window import end_step_check
 from workbench.edge.broken_end import together_along
+from workbench.edge.column_errors import ColumnErrors, Linearity, declared_linearity, told_of, without_column_errors
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED
@@ -50,7 +51,7 @@ from workbench.edge.raw_measure import (
     measure_raw_edge,
     unevenness,
 )
-from workbench.edge.residual_image import Linearity, declared_linearity, face_image, forms
+from workbench.edge.residual_image import face_image, forms
 from workbench.edge.steps import LEAST_BURRED, burr_stations
 from workbench.edge.unseen import fixed_end_check
 from workbench.errors import InputError
@@ -118,6 +119,10 @@ def segment_raw(
     refuse_failed((plates,), f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
     lies = face_directions(cloud, upper_side, z_away)
     found = find_end_face(cloud, lies.along, lies.sense)
+    linearity = declared_linearity(sensor)
+    better, errors = without_column_errors(cloud, found.labels, found.faces, linearity)
+    if better is not cloud:
+        cloud, found = better, find_end_face(better, lies.along, lies.sense)
     goes_on = max(float(end.goes_on[found.seen].mean()) for end in (found.lower, found.upper))
     checks = plates, *require_end_face(cloud, found.labels, upper_side, goes_on, limits)
     robot = Robot(robot_noise_mm, robot_noise_length_mm)
@@ -132,9 +137,9 @@ def segment_raw(
     checks = *checks, edge_break_check(broken, limits), steps, late_check(late, limits)
     refuse_failed(checks, f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
     checks += (*_lies_on(found), fixed_end_check(cloud, ends, int(found.seen.sum())))
-    declared = RawDeclared(declared_linearity(sensor), robot, end_u_mm, robot_drift_u_mm)
+    declared = RawDeclared(linearity, errors, robot, end_u_mm, robot_drift_u_mm)
     edge = _edge(cloud, found, measured, late, declared)
-    return replace(edge, checks=(*edge.checks, *checks), warnings=(*edge.warnings, *lies.warnings))
+    return replace(edge, checks=(*edge.checks, *checks), warnings=(*edge.warnings, *lies.warnings, *told_of(errors)))
 
 
 def _late(cloud: Cloud, measured: RawMeasured) -> Late:
@@ -150,6 +155,7 @@ class RawDeclared(NamedTuple):
     """What a user says of what no frame shows."""
 
     sensor: Linearity
+    errors: Mapping[int, ColumnErrors]
     robot: Robot
     end_u_mm: float
     robot_drift_u_mm: float
@@ -183,9 +189,9 @@ def _edge(
         frame = order[np.clip(np.searchsorted(lower_s[order], at), 0, order.size - 1)]
         shared = np.stack([place_u_mm(cloud, frame, origin, axis) for axis in (n, m)], axis=1)
         turn = turn_u(cloud, frame, t)
-    images = (
-        face_image(cloud, found.labels, found.faces[ROOT_FACE], ROOT_FACE, -found.side, measured.s_face, measured.bow),
-        face_image(cloud, found.labels, found.faces[LOWER_SURFACE], LOWER_SURFACE, -found.side, lower_s),
+    images = tuple(
+        face_image(cloud, found.labels, found.faces[of], of, -found.side, s, bow, declared.errors.get(of))
+        for of, s, bow in ((ROOT_FACE, measured.s_face, measured.bow), (LOWER_SURFACE, lower_s, None))
     )
     form, below = (one.uncorrected for one in forms(images, at, declared.sensor))
     turning = np.hypot(measured.out.course.slope_u(at), measured.lower.course.slope_u(at))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import end_step_check
 from workbench.edge.broken_end import BrokenEnd, broken_end, is_free_end, root_rim, together_along, weights
 from workbench.edge.certified import certified, certified_linearity
+from workbench.edge.column_errors import ColumnErrors, Linearity, declared_linearity, told_of, without_column_errors
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.groove_frames import two_plates_share
@@ -40,15 +42,7 @@ from workbench.edge.parameters import (
     RootNominal,
     usual_noise_mm,
 )
-from workbench.edge.residual_image import (
-    ASIDE_MM,
-    FaceForm,
-    FaceImage,
-    Linearity,
-    declared_linearity,
-    face_image,
-    forms,
-)
+from workbench.edge.residual_image import ASIDE_MM, FaceForm, FaceImage, face_image, forms
 from workbench.edge.sizes import EndTerms, corrected_angles, sizes, straightened
 from workbench.edge.steps import burr_stations, waves_u
 from workbench.edge.unseen import (
@@ -136,21 +130,27 @@ def segment(
         (78, 77.0)
     """
     columns = require_columns(cloud, root_nominal_mm, limits)
-    tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, upper_side=upper_side)
+    find = partial(
+        find_faces, root_nominal_mm=root_nominal_mm, bevel_nominal_deg=bevel_nominal_deg, upper_side=upper_side
+    )
+    linearity = certified_linearity(declared_linearity(sensor), sensor_dcc)
+    tracked = find(cloud)
+    better, errors = without_column_errors(cloud, tracked.labels, tracked.faces, linearity)
+    if better is not cloud:
+        cloud, tracked = better, find(better)
     shown = shown_beside(cloud, tracked, root_nominal_mm, bevel_nominal_deg)
     rounding = _broken_end(cloud, tracked, 0.0, edge_condition)
     shown = shown._replace(rim_mm=max(shown.rim_mm, rounding.size_mm))
     checks = (columns, *require_bevel(cloud, tracked.labels, shown, limits))
     if rounding.size_mm > 0.0:
-        tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm, upper_side)
+        tracked = find(cloud, rim_mm=rounding.rim_mm)
         rounding = _broken_end(cloud, tracked, rounding.rim_mm, edge_condition)
     free = is_free_end(tracked)
     checks = (*checks, edge_break_check(rounding.size_mm, limits), end_step_check(tracked.end_column[free], limits))
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     try:
         measured = measure_edge(cloud, tracked, rounding)
-        linearity = certified_linearity(declared_linearity(sensor), sensor_dcc)
-        declared = Declared(linearity, usual_noise_mm(robot_noise_mm), robot_noise_length_mm, end_u_mm)
+        declared = Declared(linearity, errors, usual_noise_mm(robot_noise_mm), robot_noise_length_mm, end_u_mm)
         edge = milled_edge(cloud, tracked, measured, rounding, declared, checks)
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
@@ -215,6 +215,7 @@ class Declared(NamedTuple):
     """What a user says of what no frame shows."""
 
     sensor: Linearity
+    errors: Mapping[int, ColumnErrors]
     robot_noise_mm: float
     robot_noise_length_mm: float | None
     end_u_mm: float
@@ -239,7 +240,7 @@ def milled_edge(
     seen = covered(s_low, cloud.pass_index, at)
     position = measured.curve.position(at + measured.shift)
     position[~seen] = np.nan
-    root_form, bevel_form, lower_form = _forms(cloud, tracked, measured, at, checks, declared.sensor)
+    root_form, bevel_form, lower_form = _forms(cloud, tracked, measured, at, checks, declared)
     measured = straightened(measured, at, root_form, bevel_form)
     tangent, normal, across = section_axes(measured, at)
     by_robot = turn_by_robot(measured.curve, length, declared.robot_noise_mm, declared.robot_noise_length_mm)
@@ -258,7 +259,7 @@ def milled_edge(
         told += (LIES_ON,)
     faces = ("root face", root_form), ("bevel face", bevel_form)
     told += tuple(ASIDE.format(name, one.aside_mm) for name, one in faces if one.aside_mm > ASIDE_MM[0])
-    told += _steps(measured, at)
+    told += (*_steps(measured, at), *told_of(declared.errors))
     return MilledEdge(
         part=cloud.part,
         source=cloud.source,
@@ -293,7 +294,7 @@ def _steps(measured: Measured, at: Float) -> tuple[str, ...]:
 
 
 def _forms(
-    cloud: Cloud, tracked: TrackedFaces, measured: Measured, at: Float, checks: Sequence[Check], sensor: Linearity
+    cloud: Cloud, tracked: TrackedFaces, measured: Measured, at: Float, checks: Sequence[Check], declared: Declared
 ) -> tuple[FaceForm, FaceForm, FaceForm]:
     """What lasts in the residuals of both faces and of the lower surface.
 
@@ -304,7 +305,8 @@ def _forms(
     bows = {ROOT_FACE: faces.root.bow_in_range(root_turn), BEVEL_FACE: faces.bevel.bow_in_range(bevel_turn)}
 
     def image(of: int, s: Float) -> FaceImage | None:
-        return face_image(cloud, tracked.labels, tracked.faces[of], of, tracked.side, s, bows.get(of))
+        errors = declared.errors.get(of)
+        return face_image(cloud, tracked.labels, tracked.faces[of], of, tracked.side, s, bows.get(of), errors)
 
     own = np.where(faces.own, measured.s_low, np.nan)
     images = [
@@ -312,7 +314,7 @@ def _forms(
         *(image(of, measured.s_low) for of in (BEVEL_FACE, LOWER_SURFACE, UPPER_SURFACE)),  # the last: of the sensor
     ]
     either = either_piece_u(checks)
-    root, bevel, lower, _ = forms(images, at, sensor)
+    root, bevel, lower, _ = forms(images, at, declared.sensor)
     root, bevel = (replace(one, turn_u=np.hypot(one.turn_u, either)) for one in (root, bevel))
     return root, bevel, lower
 

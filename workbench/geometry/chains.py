@@ -62,6 +62,10 @@ class FaceLines:
         """z (N,) of each line at x (N,), mm."""
         return self.z_mean + self.slope * (x - self.x_mean)
 
+    def z_at(self, frames: Int, x: Float32) -> Float:
+        """z (k, M) of the lines of some frames (k,) at x (k, M), mm."""
+        return self.z_mean[frames, None] + self.slope[frames, None] * (x - self.x_mean[frames, None])
+
     def crossing(self, other: FaceLines) -> Float:
         """x (N,) where each line meets the other face's, mm."""
         return self.x_mean + (other.z(self.x_mean) - self.z_mean) / (self.slope - other.slope)

@@ -27,6 +27,7 @@ from workbench.edge.broken_end import (
     together_log,
     weights,
 )
+from workbench.edge.column_errors import Linearity
 from workbench.edge.end_templates import (
     PRIORS,
     SIZES,
@@ -42,16 +43,7 @@ from workbench.edge.end_templates import (
     seen_end,
 )
 from workbench.edge.lower_fillet import LIT_COLUMNS
-from workbench.edge.residual_image import (
-    LEAST_PLACES,
-    PLACES,
-    SHRUNK,
-    STRETCH_MM,
-    FaceForm,
-    FaceImage,
-    Linearity,
-    forms,
-)
+from workbench.edge.residual_image import PLACES, SHRUNK, STRETCH_MM, FaceForm, FaceImage, SeenBy, forms
 from workbench.units import DEG, Float, Shaped
 
 # Length of edge over which the engine's courses average, mm: of an end told by column steps that drift past it, of a
@@ -286,23 +278,11 @@ def _image(face: _Face, view: View, length_mm: float, rng: np.random.Generator) 
     variance, lean = face.noise_mm**2 * places / face.free, 1.0 / math.cos(face.incidence)
     frames = min(length_mm, STRETCH_MM) / view.frame_pitch_mm
     mean = math.sqrt(variance / frames) * (left @ rng.normal(size=places))[None]
-    wide = max(1, round(face.columns / places))
-
-    def by_columns(asked: FaceImage) -> FaceImage | None:
-        count = int(min(face.columns // asked.wide, PLACES))
-        if count < LEAST_PLACES:
-            return None
-        patches = max(int(min(face.columns // (count * asked.wide), PLACES)), 1)
-        one = min(face.noise_mm**2 * face.columns / asked.wide / face.free, face.noise_mm**2)
-        one /= length_mm / view.frame_pitch_mm
-        at = np.asarray((np.arange(count) + 0.5 - 0.5 * count) * asked.wide * face.width_mm / face.columns)
-        noise = np.broadcast_to(one * np.eye(count), (patches, count, count))
-        mean, of_pass = math.sqrt(one) * rng.normal(size=(patches, count)), np.zeros(patches, np.int64)
-        return FaceImage(np.zeros((patches, 2)), mean, noise, at, np.full(patches, lean), of_pass)
-
     alike = (1.0 - SHRUNK) * left + SHRUNK * np.diag(np.diag(left))  # as the engine takes it
     noise, of_pass = variance * alike[None] / frames, np.zeros(1, np.int64)
-    return FaceImage(np.zeros((1, 2)), mean, noise, place, np.array([lean]), of_pass, wide, by_columns=by_columns)
+    ends = np.array([0.0, length_mm])
+    seen = SeenBy(ends, np.zeros(2), np.zeros(2), place / lean, place * face.columns / face.width_mm, lean)
+    return FaceImage(np.zeros((1, 2)), mean, noise, place, np.array([lean]), of_pass, (seen,))
 
 
 # The broken end: edges of the prior, as a pass would see them.

@@ -28,9 +28,9 @@ from workbench.artefacts import (
 from workbench.artefacts.decisions import NOT_CHECKED
 from workbench.artefacts.edges import Deviations
 from workbench.cad import NominalEdge
+from workbench.edge.column_errors import declared_linearity
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.parameters import Direction, RobotNoise
-from workbench.edge.residual_image import declared_linearity
 from workbench.errors import InputError
 from workbench.geometry.moves import runs
 from workbench.geometry.poses import pose_from, quaternion_from_rotation

@@ -25,9 +25,9 @@ from workbench.stage import Stage
 DIRECTORY, PICTURES = Path("docs/stages"), "pictures"
 NOTE = "<!-- This page and those of the stages are written by scripts.stage_pages -->"
 READING = """A parameter has a default (none: required), type, range and meaning; the end of its name is its unit;
-`null` means "not given"; a path starts at the pipeline's folder, in Python at the working directory. A
-[pipeline](../pipelines.md) has a stage as `{"stage": NAME, PARAMETER: VALUE}`. Input that cannot be used is refused
-(exit status 2, in Python `InputError`); `workbench stages NAME` tells what is refused."""
+`null` means "not given"; a path starts at the pipeline's folder ([pipelines](../pipelines.md)), in Python at the
+working directory. Input that cannot be used is refused (exit status 2, in Python `InputError`); `workbench stages NAME`
+tells what is refused."""
 IMPLIED = {"number", "integer", "text", "true or false", "[number, number]", "[number, number, number]", "object"}
 EXAMPLE = re.compile(r"^Example:\n((?: +.*\n?|\n)+)", re.MULTILINE)
 RAISES = re.compile(r"^Raises:\n((?: +.*\n?)+)", re.MULTILINE)
@@ -61,10 +61,11 @@ def index(names: Iterable[str]) -> str:
 
 def page(stage: Stage, told: Mapping[str, str], directory: Path = DIRECTORY) -> str:
     """One stage: what it does, takes and makes, its parameters (`told`: which stage tells of one first), example."""
-    takes = ", ".join(f"`{source.name}`: {source_text(source)}" for source in stage.sources)
+    sources = ", ".join(f"`{source.name}`: {source_text(source)}" for source in stage.sources)
+    takes = f"**Takes** {sources}. " if sources else ""
     parts = [
         f"# `{stage.name}`",
-        f"**Takes** {takes or 'no artefact'}. **Makes** {makes(stage)}.",
+        f"{takes}**Makes** {makes(stage)}.",
         _linked(re.sub(r"\n{3,}", "\n\n", RAISES.sub("", EXAMPLE.sub("", prose(stage)))).strip()),
     ]
     if parameters := parameter_texts(stage):

@@ -33,7 +33,7 @@ def read(
     unit: Unit | None = None,
     part: PartNames = NO_NAMES,
 ) -> PointSet:
-    """Read a cloud: PLY, PCD, XYZ, STL or OBJ vertices (Open3D), LAS or LAZ (laspy), E57 (pye57).
+    """Read a cloud: PLY, PCD, XYZ (txt, asc, csv), STL or OBJ vertices (Open3D), LAS or LAZ (laspy), E57 (pye57).
 
     In the file's frame, precision and order; an organised PCD keeps rows and columns.
     NaN points are left out; scans of an E57 file are placed by their poses.

@@ -53,8 +53,7 @@ def deviation(
 ) -> tuple[Deviations, Document, Chapter]:
     """Measure signed distances along the normal, positive outside the reference, each with its level of detection.
 
-    M3C2 with departures (docs/comparison.md). Below the level of detection, 1.96 standard uncertainties, a distance is
-    no significant change.
+    M3C2 with departures (docs/comparison.md). Below 1.96 u a distance is no significant change.
 
     Args:
         scan: from `compare.surface`, as recorded.

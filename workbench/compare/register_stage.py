@@ -138,8 +138,7 @@ def register(
 ) -> tuple[Registration, Document]:
     """Register a scan to another scan, a mesh or a plan: point-to-plane ICP (Open3D), robust.
 
-    The scan's local planes are matched with the reference's. Open directions (a straight edge slides along itself) are
-    named, and refused or held (docs/comparison.md).
+    Open directions (a straight edge slides along itself) are named, and refused or held (docs/comparison.md).
 
     Args:
         scan: from `compare.surface`.

@@ -115,8 +115,7 @@ def repeatability(
 ) -> tuple[Document, Chapter]:
     """Judge the measuring system by repeated measurements: gauge R&R by analysis of variance, bias, E_n.
 
-    AIAG's EV, AV, PV, %GRR and number of distinct categories, with 95 % intervals, by section and for all
-    (docs/comparison.md).
+    By AIAG's manual, by section and for all, with 95 % intervals (docs/comparison.md).
 
     Args:
         study: parts x operators x trials by section.

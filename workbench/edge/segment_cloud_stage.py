@@ -102,7 +102,7 @@ def segment_cloud(
     """Find a milled or a raw edge in a cloud without a grid.
 
     The cloud becomes an organised one, by scan lines or slices; the edge is that of `edge.segment` (`edge.segment_raw`
-    with `upper_side`). Several passes without order are refused unless declared to agree (docs/clouds.md).
+    with `upper_side`): docs/clouds.md.
 
     Args:
         points: the cloud of one edge, in mm.

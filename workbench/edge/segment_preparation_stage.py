@@ -89,8 +89,7 @@ def segment_preparation(
 ) -> Preparation:
     """Find the prepared edge of one plate: a bevel, a compound bevel, a bevel with a land (nose), a J preparation.
 
-    Lower edge and root face are measured as those of a milled edge (`edge.segment`), the other faces in the same
-    section planes (docs/grooves.md, "One plate").
+    How the profiles are read: docs/grooves.md, "One plate".
 
     Args:
         cloud: the organised cloud of one edge, in one or more passes that show its upper surface too.

@@ -90,8 +90,7 @@ def segment_raw(
 ) -> RawEdge:
     """Find the end face of a raw edge, its lower and its upper edge (the paper's section 4.2, Fig. 8 a to e).
 
-    All frames together give smooth edges, in the section planes of the lower one, and the direction of the end face,
-    rough or not (docs/method.md, section 6).
+    Method: docs/method.md, section 6.
 
     Args:
         cloud: the organised cloud of one edge, in one or more passes.

@@ -90,8 +90,7 @@ def groove(
 ) -> GrooveInspection:
     """Measure a groove in equidistant sections and judge what is required.
 
-    Section i lies at (i - 1/2)/n of the measured stretch. Verdicts as in `inspect.sections`; a size not seen, or
-    nothing required, is undecided.
+    Sections and verdicts as in `inspect.sections`; a size not seen, or nothing required, is undecided.
 
     Args:
         groove: the measured groove.

@@ -308,7 +308,7 @@ Zone = Annotated[
     Field(
         ge=0,
         le=50,
-        description="how far before a target the next move may blend in, but at sharp corners; 0: never",
+        description="how far before a target the next move may blend in, but at sharp corners; 0: never.",
     ),
 ]
 GENTLE = 0.8  # share of a joint's acceleration that blending may take

@@ -113,8 +113,8 @@ def correction(
     corrected: Inspection | None = None,
     blind: Inspection | None = None,
 ) -> Chapter:
-    """The measured loop as a chapter: how the first cut came out beside its plan, what the finishing pass was
-    corrected by, and, where they were inspected, the finished part beside one milled without correction.
+    """The measured loop as a chapter: the first cut beside its plan, the correction, the finished part beside one
+    milled without it.
 
     Args:
         correction: what `path.correct` found and did.

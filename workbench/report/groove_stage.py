@@ -180,7 +180,7 @@ def _angles(axes: Axes, section: Section) -> Iterator[str]:
 def groove(cloud: Cloud, groove: Groove, inspection: GrooveInspection) -> Chapter:
     """The groove as a chapter of the report: certificate, dimensioned section, sizes along it, tables, checks.
 
-    Terms and letters of ISO 9692-1 and ISO 17659; U = 2 u. The same input gives the same chapter.
+    Terms and letters of ISO 9692-1 and ISO 17659; U = 2 u.
 
     Args:
         cloud: the cloud in which the groove was found.

@@ -91,7 +91,7 @@ def html(
     """The chapters as one self-contained page, `report.html`, with verdict and provenance.
 
     The overall verdict is the worst of the chapters. Chapters with a scene turn in the browser (WebGL 2; 300,000
-    points); that viewer is the page's only script.
+    points).
 
     Args:
         chapters: what stages such as `report.inspection` and `report.plan` made, plug-ins' included.

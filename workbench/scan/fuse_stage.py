@@ -27,11 +27,10 @@ def fuse(
     scan_plan: InputFile | None = None,
     limits: Limits = {},  # noqa: B006  (never changed)
 ) -> Cloud:
-    """Place every profile in the robot base: the paper's equation (9), with one interpolated pose a frame.
+    """Place every profile in the robot base: the paper's equation (9), with one pose a frame (docs/conventions.md).
 
-    base_from_profiler = base_from_flange(t) @ flange_from_profiler: position linear within each pass, orientation by
-    slerp. The cloud keeps the scanner's grid, without copied frames, copied passes and columns that measured nothing.
-    A recording that contradicts itself is refused (docs/checks.md).
+    The cloud keeps the scanner's grid, without copied frames, copied passes and columns that measured nothing. A
+    recording that contradicts itself is refused (docs/checks.md).
 
     Args:
         recording: profiles and flange poses on one clock.

@@ -28,7 +28,7 @@ ON_THE_GRID = ("x_mm", "z_mm", "intensity")
 def read(*, recording: InputFile, part: PartNames = NO_NAMES, progress: Progress = None) -> Recording:
     """Read a profile recording: laser profiles (frame x column, mm) and robot poses, each with its time in s.
 
-    Quaternions within 1e-3 of unit length are normalised; anything else that the format does not allow is refused.
+    Anything that the format (docs/recording.md) does not allow is refused.
 
     Args:
         recording: the HDF5 file, `format = "profile-recording"`, version 1.

@@ -54,8 +54,7 @@ def force(
 ) -> tuple[MillingForce, Document]:
     """Mechanistic milling force at every path point: mean vector and peak of a revolution (the paper's section 6.2).
 
-    Feed, flutes and diameter come with the path. Forces act on the cutter, in each point's frame as `toolpath.json` has
-    it: x into the material, y along the feed, z along the cutter's axis to its tip.
+    Feed, flutes and diameter come with the path. Forces act on the cutter, in each point's frame (docs/conventions.md).
 
     Args:
         toolpath: points, feed, cutter.

@@ -107,8 +107,7 @@ def posture(
 ) -> tuple[Postures, PathGate | None, Document, Chapter] | tuple[PathGate] | None:
     """Choose cutter rotation and turntable angle of least deflection: eq. (25), Fig. 17.
 
-    The proven optimum of the grid: least mean displacement, or without known stiffness least awkwardness, within the
-    cell's margins and, with known modes, a margin from chatter (docs/stiffness.md). Writes `posture.json`.
+    The proven optimum of the grid within the cell's margins (docs/stiffness.md). Writes `posture.json`.
 
     Args:
         cell: robot, tool, turntable, what stands around; without one there are no postures.

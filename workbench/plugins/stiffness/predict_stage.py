@@ -34,8 +34,7 @@ def predict(
 ) -> tuple[PathDeflection, Document]:
     """Predict the cutter's deflection at every point of a path: J K^-1 J^T f, eq. (22) corrected.
 
-    In each point's own frame: x into the material, y along the feed, z from shank to tip. Also as `deflections.csv`,
-    which `twin.mill` reads.
+    In each point's frame (docs/conventions.md). Also as `deflections.csv`, which `twin.mill` reads.
 
     Args:
         cell: the robot.

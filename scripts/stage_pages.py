@@ -59,14 +59,14 @@ def index(names: Iterable[str]) -> str:
     return "\n".join([NOTE, "# Stages", "", READING, "", *rows, ""])
 
 
-def page(stage: Stage, told: Mapping[str, str], directory: Path = DIRECTORY) -> str:
+def page(stage: Stage, told: Mapping[str, str], directory: Path) -> str:
     """One stage: what it does, takes and makes, its parameters (`told`: which stage tells of one first), example."""
     sources = ", ".join(f"`{source.name}`: {source_text(source)}" for source in stage.sources)
     takes = f"**Takes** {sources}. " if sources else ""
     parts = [
         f"# `{stage.name}`",
         f"{takes}**Makes** {makes(stage)}.",
-        _linked(re.sub(r"\n{3,}", "\n\n", RAISES.sub("", EXAMPLE.sub("", prose(stage)))).strip()),
+        _linked(RAISES.sub("", EXAMPLE.sub("", prose(stage))).strip()),
     ]
     if parameters := parameter_texts(stage):
         parts += ["## Parameters", "\n".join(_items(parameters, stage.name, told))]

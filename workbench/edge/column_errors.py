@@ -34,6 +34,7 @@ FORM, BENT_MM = 3.0, 0.0005  # standard deviation of a place of a face, in those
 # not show is none. How strongly, mm, the rarer beyond what good ones do; over how many columns alike.
 ERRS, USUAL_MM, ERRORS_MM = 1e-18, 0.001, np.geomspace(5e-4, 0.05, 9)
 LENGTHS = np.array([0.5, 2.0, 8.0, 32.0, 128.0, 512.0])
+SMOOTH_COLUMNS, SMOOTH_MM = 20.0, 0.015  # over more columns an error is a matter of linearity: no sensor errs by more
 UNLIKELY, LEAST_MM = 1e-5, 1e-4  # shares, and errors, that count for nothing
 NUGGET = 1e-9  # for rounding
 TOLD_MM = 0.001
@@ -117,8 +118,10 @@ def column_errors(
         if (on.sum(axis=1) >= LEAST_RETURNS).mean() > MOSTLY:
             told[label] = _told(cloud.x_mm[frames], off, on, begins, sensor)
     looks = [_looks(one) for one in told.values()]
-    rarer = np.minimum(1.0, USUAL_MM / ERRORS_MM)
-    prior = np.broadcast_to(np.log(ERRS / LENGTHS.size * rarer / rarer.sum()), (LENGTHS.size, rarer.size))
+    possible = (LENGTHS[:, None] < SMOOTH_COLUMNS) | (ERRORS_MM < SMOOTH_MM)
+    rarer = np.where(possible, np.minimum(1.0, USUAL_MM / ERRORS_MM), 0.0)
+    with np.errstate(divide="ignore"):
+        prior = np.log(ERRS * rarer / rarer.sum())
     log = sum((look.log for look in looks), prior)
     share = shares(np.append(log.ravel(), math.log1p(-ERRS)))[:-1].reshape(prior.shape)
     return {label: _mean(one, look, share) for (label, one), look in zip(told.items(), looks, strict=True)}

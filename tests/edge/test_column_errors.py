@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from bench.drawn.swept import random_swept_recipe
+from bench.score import swept, triangulated
 from bench.score.measure import alone
+from bench.score.parts import Draw
 from bench.score.swept import milled_part
 from bench.simulators.swept import simulate_swept
 from workbench.artefacts import Cloud
+from workbench.edge import segment_groove
 from workbench.edge.column_errors import Linearity, column_errors
 from workbench.geometry.chains import labelled_lines
+from workbench.scan import fuse
 from workbench.units import Float
 
 COLUMNS, FRAMES, WIDE = 120, 200, 40  # of the view; of the face
@@ -80,6 +86,18 @@ def test_a_face_that_stays_in_its_columns_shows_no_error_of_the_sensor() -> None
     labels = np.where(cloud.keep, FACE, 0).astype(np.uint8)
     found = column_errors(cloud, labels, {FACE: labelled_lines(cloud.x_mm, cloud.z_mm, labels, FACE)}, Linearity(0.0))
     assert not found[FACE].mean_mm.any()
+
+
+@pytest.mark.parametrize("patterned", [False, True])
+@pytest.mark.parametrize(("drawn", "narrow"), [(triangulated.groove, True), (swept.groove, False)])
+def test_a_pattern_turns_no_face_of_a_groove(drawn: Draw, narrow: bool, patterned: bool) -> None:
+    """Faces of more columns than nodes were turned by 3.7 deg, 5 u, for what lay within the nodes."""
+    cloud = fuse(drawn(3).recording)
+    off = 0.02 * np.random.default_rng(1).normal(size=cloud.z_mm.shape[1]) * patterned
+    usual, found = (segment_groove(replace(cloud, z_mm=(cloud.z_mm + o).astype(np.float32))) for o in (0.0 * off, off))
+    for name, one in found.sizes.items():
+        assert np.nanmax(np.abs(one.value - usual.sizes[name].value) / one.u) < 3.0, name
+    assert any("errs by its columns" in one for one in found.warnings) == (narrow and patterned)
 
 
 @pytest.mark.parametrize("seed", [15_000_004, 15_000_030])

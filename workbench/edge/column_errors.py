@@ -27,7 +27,8 @@ from workbench.geometry.course import shares
 from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
 LEAST_RETURNS, MOSTLY, FAR = 6, 0.5, 4.0  # of a face in a frame; share of frames that show it; standard deviations
-PLACES, PARTS = 96, 6  # on a face at most; parts of a pass, in each of which a face has a form of its own
+PLACES, PARTS = 96, 6  # columns of a face at most; parts of a pass, in each of which it has a form of its own
+LIKE_PRIOR = 1.5  # mean square of errors over their process's: real ones have 0.5 to 0.9, what a form undoes 4
 SMOOTH, MOVES = 15, 2  # frames that tell where a face ends; columns by which both ends move, or nothing is told
 FORM, BENT_MM = 3.0, 0.0005  # standard deviation of a place of a face, in those of its returns; of a frame's bow
 # Share of the sensors that err so: small, since no model of a face's form is quite as free as faces are, and what does
@@ -104,9 +105,10 @@ def told_of(errors: Mapping[int, ColumnErrors]) -> tuple[str, ...]:
 def column_errors(
     cloud: Cloud, labels: AnyArray, faces: Mapping[int, FaceLines], sensor: Linearity
 ) -> dict[int, ColumnErrors]:
-    """The errors of the columns beyond the `sensor`'s, for each face that most frames show; labels (N, M).
+    """The errors of the columns beyond the `sensor`'s, for each narrow face that most frames show; labels (N, M).
 
-    Errors depend on range and incidence: each face has its own, as strong and alike as those of the others.
+    Errors depend on range and incidence: each face has its own, as strong and alike as those of the others. Wide faces
+    average them.
     """
     few = [mine[evenly(mine.size, SAMPLE_FRAMES)] for mine in by_pass(cloud.pass_index)]
     frames = np.concatenate(few)
@@ -115,16 +117,18 @@ def column_errors(
     for label, face in faces.items():
         off = cloud.z_mm[frames] - face.z_at(frames, cloud.x_mm[frames])
         on = (labels[frames] == label) & cloud.keep[frames] & np.isfinite(off)
-        if (on.sum(axis=1) >= LEAST_RETURNS).mean() > MOSTLY:
+        count = on.sum(axis=1)
+        if (count >= LEAST_RETURNS).mean() > MOSTLY and np.median(count) <= PLACES:
             told[label] = _told(cloud.x_mm[frames], off, on, begins, sensor)
-    looks = [_looks(one) for one in told.values()]
+    every = {label: _looks(one) for label, one in told.items()}
+    looks = {label: look for label, look in every.items() if look.size < LIKE_PRIOR}
     possible = (LENGTHS[:, None] < SMOOTH_COLUMNS) | (ERRORS_MM < SMOOTH_MM)
     rarer = np.where(possible, np.minimum(1.0, USUAL_MM / ERRORS_MM), 0.0)
     with np.errstate(divide="ignore"):
         prior = np.log(ERRS * rarer / rarer.sum())
-    log = sum((look.log for look in looks), prior)
+    log = sum((look.log for look in looks.values()), prior)
     share = shares(np.append(log.ravel(), math.log1p(-ERRS)))[:-1].reshape(prior.shape)
-    return {label: _mean(one, look, share) for (label, one), look in zip(told.items(), looks, strict=True)}
+    return {label: _mean(told[label], look, share) for label, look in looks.items()}
 
 
 class _Told(NamedTuple):
@@ -147,8 +151,7 @@ def _told(x: Float32, off: Float, on: Bool, begins: Int, sensor: Linearity) -> _
     columns = _together(np.diff(off, axis=0))  # what changes between frames is noise
     first, last = np.argmax(on, axis=1), on.shape[1] - 1 - np.argmax(on[:, ::-1], axis=1)
     lines, seen = np.flatnonzero(on.any(axis=1)), np.flatnonzero(on.any(axis=0))
-    step = math.ceil((float(np.median((last - first)[lines])) + 1.0) / PLACES)
-    node = (np.arange(on.shape[1]).clip(seen[0], seen[-1]) - seen[0]) // step
+    node = np.arange(on.shape[1]).clip(seen[0], seen[-1]) - seen[0]
     nodes = int(node[-1]) + 1
     of, form = slice(0, nodes), slice(nodes, None)
     normal, force = np.zeros((nodes, nodes)), np.zeros(nodes)
@@ -161,7 +164,7 @@ def _told(x: Float32, off: Float, on: Bool, begins: Int, sensor: Linearity) -> _
         frame, column = np.nonzero(mine)
         beyond = (column - low[frame], high[frame] - column)
         at = [node[column]]
-        at += [nodes + k * PLACES + (one // step).clip(0, PLACES - 1) for k, one in enumerate(beyond)]
+        at += [nodes + k * PLACES + one.clip(0, PLACES - 1) for k, one in enumerate(beyond)]
         left = _beside(off[begin:end], mine, at[1] - nodes)
         weight = 1.0 / (columns * _together(left.T) * (float((left[mine] ** 2).mean()) + LEAST_MM**2))
         full, pull = _normal(frame, at, nodes + 2 * PLACES, x[begin:end][mine], off[begin:end][mine], weight)
@@ -231,19 +234,21 @@ class _Looks(NamedTuple):
     known: Shaped[Float, "l n"]  # 1 / variance, of directions with a prior variance of 1
     along: Shaped[Float, "l n"]  # force
     log: Shaped[Float, "l s"]  # log-likelihood, under each of ERRORS_MM, against no errors
+    size: float  # mean square of the likeliest errors over what their own process makes: 1 at most, or it is none
 
 
 def _looks(told: _Told) -> _Looks:
-    edges = np.searchsorted(told.node, np.arange(len(told.force) + 1))
-    at = (edges[:-1, None] + np.array([1.0, 3.0, 5.0]) / 6.0 * np.diff(edges)[:, None]).ravel()  # means over nodes
-    alike = np.exp(-np.abs(at[:, None] - at) / LENGTHS[:, None, None])
-    alike = alike.reshape(LENGTHS.size, len(edges) - 1, 3, -1, 3).mean(axis=(2, 4))
+    column = np.arange(len(told.force))
+    alike = np.exp(-np.abs(column[:, None] - column) / LENGTHS[:, None, None])
     root = np.linalg.cholesky(alike + NUGGET * np.eye(len(told.force)))
     known, vector = np.linalg.eigh(root.swapaxes(1, 2) @ told.normal @ root)
     known, basis = known.clip(0.0), root @ vector
     along, variance = told.force @ basis, ERRORS_MM[:, None] ** 2
     gain = along[:, None] ** 2 * variance / (1.0 + variance * known[:, None])
-    return _Looks(basis, known, along, 0.5 * (gain - np.log1p(variance * known[:, None])).sum(axis=2))
+    log = 0.5 * (gain - np.log1p(variance * known[:, None])).sum(axis=2)
+    k, e = np.unravel_index(log.argmax(), log.shape)
+    likeliest = along[k] / (known[k] + 1.0 / variance[e]) / ERRORS_MM[e]
+    return _Looks(basis, known, along, log, float((likeliest**2).mean()))
 
 
 def _mean(told: _Told, looks: _Looks, share: Float) -> ColumnErrors:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.artefacts import Cloud
-from workbench.edge.column_errors import Linearity, without_column_errors
+from workbench.edge.column_errors import Linearity, told_of, without_column_errors
 from workbench.edge.directions import wrapped
 from workbench.edge.fillet import Fillets, fit_below_flank, fit_circle
 from workbench.edge.groove_frames import LEAST_FACE, ReadFrames, middles
@@ -116,10 +116,11 @@ class Plate:
 
 def plates(
     cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, sensor: Linearity
-) -> tuple[tuple[Plate, Plate], AnyArray, Course, float]:
+) -> tuple[tuple[Plate, Plate], AnyArray, Course, float, tuple[str, ...]]:
     """Both plates of the profiles at s (n,), drawn as left ones, and the labels of their returns (n, M).
 
-    Also the direction of their upper surfaces in the curve's frame: a course of its difference from a constant.
+    Also the direction of their upper surfaces in the curve's frame, a course of its difference from a constant; and
+    what was taken off the ranges, in words.
     """
     mine, (points, _) = cloud.of_frames(read.frame), middles(cloud, read)
     _, middle = in_section(points, curve, s)
@@ -151,7 +152,7 @@ def plates(
             for one, label in zip(faces[k], shown[k], strict=True)
         ]
         out.append(_plate(_View(mine, read, curve, s, turn, middle, k), sections[k], images))
-    return (out[0], out[1]), labels, tilt, about
+    return (out[0], out[1]), labels, tilt, about, told_of(errors)
 
 
 def _noise(face: FaceLines) -> Float:

@@ -82,7 +82,7 @@ def segment_groove(
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")
     curve, read, s = groove_curve(cloud, read)
     linearity = declared_linearity(sensor)
-    both, labels, tilt, about = plates(cloud, read, curve, s, linearity)
+    both, labels, tilt, about, taken_off = plates(cloud, read, curve, s, linearity)
     cut = both[0].cut | both[1].cut
     told = (CUT.format(100.0 * cut.mean()),) if cut.any() else ()
     if told and min(np.isfinite(one.end[:, 0]).sum() for one in both) < LEAST_FRAMES:
@@ -141,6 +141,7 @@ def segment_groove(
             *_hidden(measured, declared),
             *((SHADOW,) if measured.shadowed else ()),
             *told,
+            *taken_off,
             *((COVERED,) if any(one.is_covered for one in measured.plates) else ()),
         ),
     )

@@ -32,6 +32,7 @@ from workbench.plugins.calibration.suspicions import turned
 from workbench.plugins.calibration.tables import fit_words, noisy, sentence
 from workbench.plugins.calibration.values import Rejected
 from workbench.plugins.calibration.verdicts import directions_html, hand_eye_file, pose_facts, serves
+from workbench.plugins.ranges import BevelDeg, BevelToleranceDeg, LengthMm, NoiseDeg, NoiseMm, SensorScaleU, ToleranceMm
 
 NO_SUCH = "is the part fixed and flat, and are the poses the flange's, in order?"
 ASK = "turn the flange about two axes, and give the design's pose"
@@ -43,15 +44,15 @@ def hand_eye_faces(
     *,
     target: Target = "edge",
     profile_noise_mm: Annotated[float, Field(gt=0, le=1)] = 0.015,
-    corner_mm: Annotated[float, Field(ge=0, le=20)] = 1.0,
-    pose_noise_mm: Annotated[float, Field(gt=0, le=5)] = 0.07,
-    pose_noise_deg: Annotated[float, Field(ge=0, le=1)] = 0.01,
-    sensor_scale_u: Annotated[float, Field(gt=0, le=0.05)] = 0.003,
+    corner_mm: LengthMm = 1.0,
+    pose_noise_mm: NoiseMm = 0.07,
+    pose_noise_deg: NoiseDeg = 0.01,
+    sensor_scale_u: SensorScaleU = 0.003,
     clock_search_s: Annotated[float, Field(gt=0, le=2)] = 0.1,
-    max_u_mm: Annotated[float, Field(gt=0, le=10)] = 0.75,
-    root_tolerance_mm: Annotated[float, Field(gt=0, le=10)] = 0.5,
-    bevel_tolerance_deg: Annotated[float, Field(gt=0, le=30)] = 1.0,
-    bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
+    max_u_mm: ToleranceMm = 0.75,
+    root_tolerance_mm: ToleranceMm = 0.5,
+    bevel_tolerance_deg: BevelToleranceDeg = 1.0,
+    bevel_deg: BevelDeg = 40.0,
     limits: Limits = {},  # noqa: B006  (never changed)
 ) -> tuple[HandEye, Document, Chapter]:
     """Find the profiler's pose on the flange from flat faces of a fixed part.

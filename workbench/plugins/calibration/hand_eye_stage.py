@@ -6,10 +6,9 @@ import dataclasses
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from workbench.api import (
     Bool,
@@ -56,6 +55,7 @@ from workbench.plugins.calibration.verdicts import (
     view_of,
     warnings,
 )
+from workbench.plugins.ranges import BevelDeg, BevelToleranceDeg, NoiseDeg, NoiseMm, SensorScaleU, ToleranceMm
 
 ROUNDS, SMALL = 4, 0.003  # of circles by the sensor's scales; change of these in which circles move evenly
 SAME_SPHERE = 0.02  # share of its diameter by which a certificate may differ from what a recording states
@@ -68,19 +68,16 @@ def hand_eye(
     recording: Recording,
     *,
     method: Method = "bundle",
-    pose_noise_mm: Annotated[float, Field(gt=0, le=5)] = 0.07,
-    pose_noise_deg: Annotated[float, Field(ge=0, le=1)] = 0.01,
-    sphere_radius_u_mm: Annotated[float, Field(gt=0, le=5)] = 0.05,
+    pose_noise_mm: NoiseMm = 0.07,
+    pose_noise_deg: NoiseDeg = 0.01,
+    sphere_radius_u_mm: NoiseMm = 0.05,
     sphere_certificate: InputFile | None = None,
-    sensor_scale_u: Annotated[
-        float,
-        Field(gt=0, le=0.05),
-    ] = 0.003,
+    sensor_scale_u: SensorScaleU = 0.003,
     robot_error: Literal["independent", "correlated"] = "independent",
-    max_u_mm: Annotated[float, Field(gt=0, le=10)] = 0.75,
-    root_tolerance_mm: Annotated[float, Field(gt=0, le=10)] = 0.5,
-    bevel_tolerance_deg: Annotated[float, Field(gt=0, le=30)] = 1.0,
-    bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
+    max_u_mm: ToleranceMm = 0.75,
+    root_tolerance_mm: ToleranceMm = 0.5,
+    bevel_tolerance_deg: BevelToleranceDeg = 1.0,
+    bevel_deg: BevelDeg = 40.0,
     seed: Seed = 0,
 ) -> tuple[HandEye, Calibration, Document]:
     """Find the profiler's pose on the flange from a fixed sphere (the paper's section 3; equations (1) to (3)).

@@ -36,6 +36,7 @@ from workbench.plugins.calibration.values import Calibration, PosturePlan, Spher
 from workbench.plugins.calibration.verdicts import rescaled, sensor_of
 from workbench.plugins.csv_table import csv_bytes
 from workbench.plugins.design import chosen
+from workbench.plugins.ranges import SizeMm
 
 OFF_PLANE = (0.3, 0.7)  # |y| of the sphere's centre, in radii: beyond, an error may miss it
 EXCHANGES = 4  # rounds over the chosen postures
@@ -130,8 +131,8 @@ def plan(
     postures: Annotated[int, Field(ge=1, le=50)] = 3,
     cone_deg: Annotated[float, Field(gt=0, le=80)] = 25.0,
     roll_deg: Annotated[float, Field(ge=0, le=180)] = 25.0,
-    half_width_mm: Annotated[float, Field(gt=0, le=500)] = 10.0,
-    half_height_mm: Annotated[float, Field(gt=0, le=500)] = 15.0,
+    half_width_mm: SizeMm = 10.0,
+    half_height_mm: SizeMm = 15.0,
     cell: InputFile | None = None,
     seed: Seed = 0,
 ) -> tuple[PosturePlan, Document]:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import Field
 
 from workbench.api import (
     DEG,
@@ -53,6 +52,7 @@ from workbench.plugins.calibration.tables import JOINTS, enough, fit_words, nois
 from workbench.plugins.calibration.values import Rejected, SphereProfiles
 from workbench.plugins.calibration.verdicts import hand_eye_file, serves, view_of
 from workbench.plugins.csv_table import Table
+from workbench.plugins.ranges import BevelDeg, BevelToleranceDeg, Deviation, LengthMm, NoiseDeg, NoiseMm, ToleranceMm
 
 if TYPE_CHECKING:
     from workbench.api import Chain
@@ -101,16 +101,16 @@ def robot(
     *,
     cell: InputFile,
     joints: InputFile,
-    pose_noise_mm: Annotated[float, Field(gt=0, le=5)] = 0.07,
-    pose_noise_deg: Annotated[float, Field(ge=0, le=1)] = 0.01,
-    sphere_radius_u_mm: Annotated[float, Field(gt=0, le=5)] = 0.05,
-    offset_prior_deg: Annotated[float, Field(ge=0, le=5)] = 0.3,
-    length_prior_mm: Annotated[float, Field(ge=0, le=20)] = 1.0,
-    tilt_prior_deg: Annotated[float, Field(ge=0, le=1)] = 0.02,
-    max_u_mm: Annotated[float, Field(gt=0, le=10)] = 2.0,
-    root_tolerance_mm: Annotated[float, Field(gt=0, le=10)] = 0.5,
-    bevel_tolerance_deg: Annotated[float, Field(gt=0, le=30)] = 1.0,
-    bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
+    pose_noise_mm: NoiseMm = 0.07,
+    pose_noise_deg: NoiseDeg = 0.01,
+    sphere_radius_u_mm: NoiseMm = 0.05,
+    offset_prior_deg: Deviation = 0.3,
+    length_prior_mm: LengthMm = 1.0,
+    tilt_prior_deg: NoiseDeg = 0.02,
+    max_u_mm: ToleranceMm = 2.0,
+    root_tolerance_mm: ToleranceMm = 0.5,
+    bevel_tolerance_deg: BevelToleranceDeg = 1.0,
+    bevel_deg: BevelDeg = 40.0,
 ) -> tuple[HandEye, Document, Document, Chapter]:
     """Estimate the robot's joint offsets and lengths with the hand-eye pose, from a sphere.
 

@@ -46,6 +46,7 @@ from workbench.plugins.calibration.tables import (
 )
 from workbench.plugins.calibration.values import SphereProfiles
 from workbench.plugins.csv_table import Table
+from workbench.plugins.ranges import BevelDeg, Deviation, NoiseDeg, NoiseMm, ToleranceMm
 
 KNOWN = ("px_mm", "py_mm", "pz_mm")
 ASKED = "are poses the flange's, in mm, with the quaternion's w first?"
@@ -85,14 +86,14 @@ def tcp(
     touches: InputFile,
     references: InputFile | None = None,
     hand_eye: InputFile | None = None,
-    robot_noise_mm: Annotated[float, Field(gt=0, le=5)] = 0.05,
-    robot_noise_deg: Annotated[float, Field(ge=0, le=1)] = 0.01,
-    touch_noise_mm: Annotated[float, Field(ge=0, le=5)] = 0.02,
-    reference_u_mm: Annotated[float, Field(gt=0, le=5)] = 0.05,
-    max_u_mm: Annotated[float, Field(gt=0, le=10)] = 0.2,
+    robot_noise_mm: NoiseMm = 0.05,
+    robot_noise_deg: NoiseDeg = 0.01,
+    touch_noise_mm: Deviation = 0.02,
+    reference_u_mm: NoiseMm = 0.05,
+    max_u_mm: ToleranceMm = 0.2,
     least_reach_mm: Annotated[float, Field(ge=0, le=1000)] = 25.0,
-    root_tolerance_mm: Annotated[float, Field(gt=0, le=10)] = 0.5,
-    bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
+    root_tolerance_mm: ToleranceMm = 0.5,
+    bevel_deg: BevelDeg = 40.0,
     part: PartNames = NO_NAMES,
 ) -> tuple[Document, Chapter]:
     """Determine the tool's points on the flange from touches, and its axis from two of them.

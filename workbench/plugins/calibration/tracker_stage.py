@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from workbench.api import (
@@ -38,6 +37,7 @@ from workbench.plugins.calibration.model import cross_matrix
 from workbench.plugins.calibration.observations import posture_of
 from workbench.plugins.calibration.tables import JOINTS, POSE, check_misfit, enough, fit_words, noisy, poses, told
 from workbench.plugins.csv_table import Table
+from workbench.plugins.ranges import BevelDeg, Deviation, LengthMm, NoiseDeg, NoiseMm, ToleranceMm
 
 if TYPE_CHECKING:
     from workbench.api import Chain
@@ -124,14 +124,14 @@ def tracker(
     *,
     readings: InputFile,
     cell: InputFile | None = None,
-    tracker_noise_mm: Annotated[float, Field(gt=0, le=5)] = 0.02,
-    robot_noise_mm: Annotated[float, Field(ge=0, le=5)] = 0.05,
-    robot_noise_deg: Annotated[float, Field(ge=0, le=1)] = 0.005,
-    offset_prior_deg: Annotated[float, Field(ge=0, le=5)] = 0.3,
-    length_prior_mm: Annotated[float, Field(ge=0, le=20)] = 1.0,
-    tilt_prior_deg: Annotated[float, Field(ge=0, le=1)] = 0.02,
-    root_tolerance_mm: Annotated[float, Field(gt=0, le=10)] = 0.5,
-    bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
+    tracker_noise_mm: NoiseMm = 0.02,
+    robot_noise_mm: Deviation = 0.05,
+    robot_noise_deg: NoiseDeg = 0.005,
+    offset_prior_deg: Deviation = 0.3,
+    length_prior_mm: LengthMm = 1.0,
+    tilt_prior_deg: NoiseDeg = 0.02,
+    root_tolerance_mm: ToleranceMm = 0.5,
+    bevel_deg: BevelDeg = 40.0,
     part: PartNames = NO_NAMES,
 ) -> tuple[Document, Chapter]:
     """Register a robot to a laser tracker, and estimate its joint offsets and lengths.

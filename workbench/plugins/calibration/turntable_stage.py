@@ -46,6 +46,7 @@ from workbench.plugins.calibration.tables import (
 )
 from workbench.plugins.calibration.values import SphereProfiles
 from workbench.plugins.csv_table import Table
+from workbench.plugins.ranges import BevelDeg, NoiseDeg, NoiseMm, ToleranceMm
 
 POINT = ("x_mm", "y_mm", "z_mm")
 ASKED = "are they in mm, and is each marker the same point at all angles?"
@@ -153,14 +154,14 @@ def turntable(
     *,
     marks: InputFile,
     hand_eye: InputFile | None = None,
-    pose_noise_mm: Annotated[float, Field(gt=0, le=5)] = 0.07,
-    pose_noise_deg: Annotated[float, Field(ge=0, le=1)] = 0.01,
-    noise_mm: Annotated[float, Field(gt=0, le=5)] = 0.05,
-    angle_noise_deg: Annotated[float, Field(ge=0, le=1)] = 0.002,
+    pose_noise_mm: NoiseMm = 0.07,
+    pose_noise_deg: NoiseDeg = 0.01,
+    noise_mm: NoiseMm = 0.05,
+    angle_noise_deg: NoiseDeg = 0.002,
     reach_mm: Annotated[float, Field(gt=0, le=5000)] = 200.0,
-    max_u_mm: Annotated[float, Field(gt=0, le=10)] = 0.2,
-    root_tolerance_mm: Annotated[float, Field(gt=0, le=10)] = 0.5,
-    bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
+    max_u_mm: ToleranceMm = 0.2,
+    root_tolerance_mm: ToleranceMm = 0.5,
+    bevel_deg: BevelDeg = 40.0,
     part: PartNames = NO_NAMES,
 ) -> tuple[Document, Chapter]:
     """Determine a turntable's axis in the base from markers measured at two or more angles.

@@ -20,6 +20,7 @@ from workbench.api import (
     result_file,
     stage,
 )
+from workbench.plugins.ranges import LeastMargin, SizeMm, Stations, ToleranceMm
 from workbench.plugins.stiffness.margins import Cuts, cuts_of, judged_limits, screen_limits, u_of_modes
 from workbench.plugins.stiffness.milling_choice import Bounds, Chosen, choose, speeds
 from workbench.plugins.stiffness.predict_stage import base_from_point
@@ -35,13 +36,13 @@ def chatter(
     force: MillingForce,
     postures: Postures,
     *,
-    stations: Annotated[int, Field(ge=2, le=2000)] = 24,
-    largest_depth_mm: Annotated[float, Field(gt=0, le=500)] = 100.0,
-    least_margin: Annotated[float, Field(ge=0, le=100)] = 1.5,
+    stations: Stations = 24,
+    largest_depth_mm: SizeMm = 100.0,
+    least_margin: LeastMargin = 1.5,
     force_relative_u: Annotated[float | None, Field(gt=0, le=5)] = None,
     most_layers: Annotated[int, Field(ge=0, le=100)] = 12,
     speed_change: Annotated[float, Field(gt=0, le=0.9)] = 0.25,
-    root_tolerance_mm: Annotated[float, Field(gt=0, le=10)] = 0.5,
+    root_tolerance_mm: ToleranceMm = 0.5,
 ) -> tuple[PathStability, Document, Chapter]:
     """Whether the cut chatters: the least unstable depth over the depth, along the path, with U (docs/stiffness.md).
 

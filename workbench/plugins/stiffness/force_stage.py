@@ -26,6 +26,7 @@ from workbench.api import (
     result_file,
     stage,
 )
+from workbench.plugins.ranges import HelixDeg, Positive
 from workbench.plugins.stiffness.coefficients import NAMES, PUBLISHED, CuttingCoefficients, read_coefficients
 from workbench.plugins.stiffness.elastic import MM
 from workbench.plugins.stiffness.values import CuttingProcess, LayerForce, MillingForce
@@ -46,10 +47,10 @@ def force(
     | None = None,
     coefficients: Six | None = None,
     coefficients_file: InputFile | None = None,
-    spindle_rpm: Annotated[float, Field(gt=0, le=1e5)] = 6000.0,
+    spindle_rpm: Positive = 6000.0,
     radial_depth_mm: Annotated[float | None, Field(gt=0, le=100)] = None,
     axial_depth_mm: Annotated[float | None, Field(gt=0, le=200)] = None,
-    helix_deg: Annotated[float, Field(ge=0, le=60)] = 30.0,
+    helix_deg: HelixDeg = 30.0,
     runout_mm: Annotated[float, Field(ge=0, le=1)] = 0.0,
 ) -> tuple[MillingForce, Document]:
     """Mechanistic milling force at every path point: mean vector and peak of a revolution (the paper's section 6.2).

@@ -31,6 +31,7 @@ from workbench.api import (
     result_file,
     stage,
 )
+from workbench.plugins.ranges import AsBuiltU, HelixDeg, Positive
 from workbench.plugins.stiffness.coefficients import NAMES, CuttingCoefficients
 from workbench.plugins.stiffness.force_stage import Teeth, mean_matrices, milling_force
 from workbench.plugins.stiffness.tap_tests import unit_vector
@@ -53,7 +54,6 @@ NOT_INCLUDED = (
     "another edge, other cutting speeds, wear of more than some per cent from recording to recording",
     "feeds other than stated: 1 % of an override changes the cutting coefficients by 1 %",
 )
-Positive = Annotated[float, Field(gt=0, le=1e5)]
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 
 
@@ -96,10 +96,10 @@ def identify_forces(
     radial_depth_mm: Annotated[float | None, Field(gt=0, le=200)] = None,
     direction: Literal["up", "down"] = "up",
     axes: tuple[Axis, Axis, Axis] | None = None,
-    bandwidth_hz: Annotated[float, Field(gt=0, le=1e5)] = 450.0,
+    bandwidth_hz: Positive = 450.0,
     rate_hz: Annotated[float | None, Field(gt=0, le=1e7)] = None,
-    helix_deg: Annotated[float, Field(ge=0, le=60)] = 30.0,
-    as_built_u: Annotated[float, Field(ge=0, le=10)] = 1.0,
+    helix_deg: HelixDeg = 30.0,
+    as_built_u: AsBuiltU = 1.0,
 ) -> tuple[Document, Chapter]:
     """Cutting and edge coefficients from the mean forces of whole turns at two feeds or more (Budak et al. 1996).
 

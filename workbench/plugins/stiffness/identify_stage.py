@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 from itertools import cycle
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import scipy
-from pydantic import Field
 
 from workbench.api import (
     NO_NAMES,
@@ -30,6 +29,7 @@ from workbench.api import (
     plot,
     stage,
 )
+from workbench.plugins.ranges import AsBuiltU, RelativeU, ScaleU
 from workbench.plugins.stiffness.beyond_springs import LackOfFit, with_causes
 from workbench.plugins.stiffness.equations import Loading, equations
 from workbench.plugins.stiffness.load_checks import (
@@ -57,12 +57,9 @@ def identify(
     *,
     loads: InputFile,
     angle_convention: AngleConvention = "abb",
-    largest_relative_u: Annotated[float, Field(gt=0, le=1)] = 0.5,
-    scale_relative_u: Annotated[
-        float,
-        Field(ge=0, le=0.2),
-    ] = 0.02,
-    as_built_u: Annotated[float, Field(ge=0, le=10)] = 1.0,
+    largest_relative_u: RelativeU = 0.5,
+    scale_relative_u: ScaleU = 0.02,
+    as_built_u: AsBuiltU = 1.0,
     part: PartNames = NO_NAMES,
 ) -> tuple[JointStiffness, Chapter, Document]:
     """Identify the joints' stiffness from loads and displacements (the paper's sections 5.2 and 6.2, eq. (24)).

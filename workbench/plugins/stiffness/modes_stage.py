@@ -28,6 +28,7 @@ from workbench.api import (
     result_file,
     stage,
 )
+from workbench.plugins.ranges import AsBuiltU, RelativeU
 from workbench.plugins.stiffness.dynamics import at_tool, bodies_of, mass_matrix
 from workbench.plugins.stiffness.elastic import MM
 from workbench.plugins.stiffness.stability import Dynamics
@@ -66,8 +67,8 @@ def modes(
     tool_damping_ratio: Annotated[float, Field(gt=0, lt=1)] = 0.02,
     tool_stiffness_n_um: Annotated[float, Field(gt=0, le=1e4)] = 20.0,
     band_hz: tuple[Hertz, Hertz] = (4.0, 80.0),
-    response_relative_u: Annotated[float, Field(gt=0, le=1)] = 0.05,
-    as_built_u: Annotated[float, Field(ge=0, le=10)] = 1.0,
+    response_relative_u: RelativeU = 0.05,
+    as_built_u: AsBuiltU = 1.0,
     joints_deg: tuple[Angle, Angle, Angle, Angle, Angle, Angle] = (0, 38, -5, 20, 55, -10),
     part: PartNames = NO_NAMES,
 ) -> tuple[RobotModes, Document, Chapter]:

@@ -26,6 +26,7 @@ from workbench.api import (
 )
 from workbench.plugins import design
 from workbench.plugins.csv_table import csv_bytes
+from workbench.plugins.ranges import AsBuiltU, Positive, RelativeU, ScaleU, Targets
 from workbench.plugins.stiffness.beyond_springs import promised
 from workbench.plugins.stiffness.elastic import wrench_at
 from workbench.plugins.stiffness.equations import covariances, equations
@@ -108,11 +109,11 @@ def plan_loads(
     angle_convention: AngleConvention = "abb",
     postures: Annotated[int, Field(ge=1, le=20)] = 3,
     loads_per_posture: Annotated[int, Field(ge=2, le=400)] = 40,
-    force_n: Annotated[float, Field(gt=0, le=1e5)] = 200.0,
-    target_relative_u: Annotated[float, Field(gt=0, le=1)] = 0.025,
-    scale_relative_u: Annotated[float, Field(ge=0, le=0.2)] = 0.02,
-    as_built_u: Annotated[float, Field(ge=0, le=10)] = 1.0,
-    targets: Annotated[int, Field(ge=0, le=50)] = 0,
+    force_n: Positive = 200.0,
+    target_relative_u: RelativeU = 0.025,
+    scale_relative_u: ScaleU = 0.02,
+    as_built_u: AsBuiltU = 1.0,
+    targets: Targets = 0,
     trials: Annotated[int, Field(ge=10, le=5000)] = 150,
     seed: Seed = 0,
 ) -> tuple[LoadPlan, Document]:

@@ -31,6 +31,7 @@ from workbench.api import (
     stage,
     within_margins,
 )
+from workbench.plugins.ranges import LeastMargin, Stations
 from workbench.plugins.stiffness.arm import FREE, NO_SPRINGS, AnyArm, Unsprung, arm_of
 from workbench.plugins.stiffness.margins import Steadiness, cuts_of
 from workbench.plugins.stiffness.outcome import (
@@ -101,8 +102,8 @@ def posture(
     planned_tilt_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0,
     whole_map: bool = True,
     map_step_deg: Annotated[float, Field(ge=0.25, le=30)] = 5.0,
-    least_margin: Annotated[float, Field(ge=0, le=100)] = 1.5,
-    stations: Annotated[int, Field(ge=2, le=2000)] = 24,
+    least_margin: LeastMargin = 1.5,
+    stations: Stations = 24,
     mode: Literal["constant", "along_path"] = "constant",
 ) -> tuple[Postures, PathGate | None, Document, Chapter] | tuple[PathGate] | None:
     """Choose cutter rotation and turntable angle of least deflection: eq. (25), Fig. 17.

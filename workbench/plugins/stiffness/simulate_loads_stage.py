@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from workbench.api import (
     Cell,
@@ -19,6 +17,7 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.csv_table import csv_bytes
+from workbench.plugins.ranges import Targets
 from workbench.plugins.stiffness.equations import displaced, row_noise
 from workbench.plugins.stiffness.read_stage import ANGLES, WRENCH
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests, LoadPlan
@@ -30,7 +29,7 @@ def simulate_loads(
     cell: Cell,
     stiffness: JointStiffness,
     *,
-    targets: Annotated[int, Field(ge=0, le=50)] = 0,
+    targets: Targets = 0,
     seed: Seed = 0,
 ) -> Document:
     """Simulate planned loading tests: `loads.csv` of a robot whose springs and loads are in balance, with noise.

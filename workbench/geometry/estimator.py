@@ -211,6 +211,11 @@ def inverse_information(information: Float) -> Float:
     return np.asarray(scale[:, None] * (vectors / np.maximum(values, OPEN)) @ vectors.T * scale)
 
 
+def standard_u(covariance: Float) -> Float:
+    """Standard uncertainties (k,) of a covariance (k, k)."""
+    return np.sqrt(np.diagonal(covariance))
+
+
 def worst(covariance: Float) -> tuple[float, Float]:
     """Greatest standard uncertainty of a covariance (k, k), and its direction (k,), the largest part positive."""
     values, vectors = np.linalg.eigh(covariance)

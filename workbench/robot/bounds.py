@@ -81,7 +81,7 @@ def _volume(shape: Shape) -> tuple[Float, float]:
         radius = shape.size_mm[0]
         axis = np.array([0.0, 0.0, half[2] - (0.0 if shape.kind == "cylinder" else radius)])
     else:
-        longest = int(np.argmax(half))
+        longest = int(half.argmax())
         axis = half * (np.arange(3) == longest)
         radius = float(np.linalg.norm(np.delete(half, longest)))
     return np.array([mapped(pose, s * axis) for s in (-1, 1)]), radius

@@ -253,7 +253,7 @@ def _resultants(chain: Chain, wrist: OffsetWrist, direction: Float, at: Float) -
 def _missing(chain: Chain, poses: Float, q: Float) -> tuple[Float, Float]:
     """What postures (m, 6) miss of poses (m, 4, 4), m and 1 (m, 6), and its slopes (m, 6, 6)."""
     here = forward_kinematics(chain, q)
-    turn = vector_from_rotation(poses[:, :3, :3] @ np.swapaxes(here[:, :3, :3], 1, 2))
+    turn = vector_from_rotation(poses[:, :3, :3] @ here[:, :3, :3].mT)
     miss = np.concatenate([(poses[:, :3, 3] - here[:, :3, 3]) / 1e3, turn], axis=1)
     slope = jacobian(chain, q)
     slope[:, :3] /= 1e3

@@ -312,12 +312,12 @@ def _collisions(
         apart[row, which] = pairs.model.distances(links[i], tables[:, i], which.tolist())
         short = apart[row, which] < pairs.least_mm[which]
         if short.any():
-            hit[row] = which[np.argmin(np.where(short, apart[row, which], np.inf))]
+            hit[row] = which[np.where(short, apart[row, which], np.inf).argmin()]
         unproven = apart[row, which] - moved[row, which] <= need[which]
         if unproven.any():
             open_[row] = True
             if tiny[row] and hit[row] < 0:
-                hit[row] = which[np.argmin(np.where(unproven, apart[row, which], np.inf))]
+                hit[row] = which[np.where(unproven, apart[row, which], np.inf).argmin()]
     pair = apart.argmin(axis=1)
     least = apart[np.arange(n), pair]
     sure = np.where(open_[:, None], np.inf, apart - moved)

@@ -108,7 +108,7 @@ def jacobian(chain: Chain, joints: Float, point_mm: Float | None = None) -> Floa
 def jacobian_at(axes: Float, points_mm: Float, tip_mm: Float) -> Float:
     """J (..., 6, 6) of a point `tip_mm` (..., 3) of the last link, from the joints' axes and points (..., 6, 3)."""
     linear = cross(axes, tip_mm[..., None, :] - points_mm)
-    return np.asarray(np.swapaxes(np.concatenate([linear, axes], axis=-1), -1, -2))
+    return np.asarray(np.concatenate([linear, axes], axis=-1).mT)
 
 
 def jacobian_derivative(axes: Float, jacobian: Float) -> Float:
@@ -117,7 +117,7 @@ def jacobian_derivative(axes: Float, jacobian: Float) -> Float:
     A joint j before i carries axis i and the tip along: both halves of column i turn about axis j. A joint j behind i
     moves the tip only, by column j.
     """
-    linear, turning = np.swapaxes(jacobian[..., :3, :], -1, -2), axes
+    linear, turning = jacobian[..., :3, :].mT, axes
     i, j = np.indices((6, 6))
     outer, inner = np.minimum(i, j), np.maximum(i, j)
     by_tip = cross(turning[..., outer, :], linear[..., inner, :])

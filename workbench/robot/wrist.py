@@ -211,7 +211,7 @@ def centre_at(chain: Chain, centre_mm: Float, q: Float, size: float) -> tuple[Fl
     at = mapped(moved, centre_mm)
     axes, points = joint_axes(chain, six)
     slope = np.cross(axes[..., :3, :], at[..., None, :] - points[..., :3, :])
-    return at / size, np.swapaxes(slope, -1, -2) / size
+    return at / size, slope.mT / size
 
 
 def newton(missing: Callable[[Float], tuple[Float, Float]], start: Float, steps: int) -> tuple[Float, Float]:
@@ -228,7 +228,7 @@ def newton(missing: Callable[[Float], tuple[Float, Float]], start: Float, steps:
         now = np.linalg.norm(miss, axis=-1)
         best = np.where((now < least)[..., None], here, best)
         least = np.minimum(now, least)
-        back = np.swapaxes(slope, -1, -2)
+        back = slope.mT
         square = back @ slope + 1e-14 * np.eye(here.shape[-1])
         here = here + np.linalg.solve(square, back @ miss[..., None])[..., 0]
     return best, least

@@ -25,6 +25,7 @@ from workbench.api import (
     Part,
     RobotFile,
     Shaped,
+    estimator,
     frame_about,
     mapped,
     pieces,
@@ -111,7 +112,7 @@ def pose_derivatives(chain: Chain, errors: ArmErrors, joints: Float) -> Float:
     shift = np.einsum("npij,pj->npi", here[..., :3, :3], errors.twist[:, :3]) + np.cross(here[..., :3, 3], turn)
     place = shift + np.cross(turn, flange[:, None, :3, 3])
     own = np.einsum("nji,npj->npi", flange[:, :3, :3], turn)
-    return np.swapaxes(np.concatenate([place, own], axis=2), 1, 2)
+    return np.concatenate([place, own], axis=2).mT
 
 
 def erring_flange(chain: Chain, errors: ArmErrors, x: Float, joints: Float) -> tuple[Float, Float]:
@@ -147,13 +148,11 @@ def _ways(chain: Chain, k: int) -> list[Float]:
 def _across(axis: Float) -> Float:
     """Two unit vectors square to an axis, along the base's axes where that is possible."""
     first, second, _ = frame_about(axis)
-    return np.stack([first, second * np.sign(second[np.argmax(np.abs(second))])])
+    return np.stack([first, second * np.sign(second[np.abs(second).argmax()])])
 
 
 def _words(way: Float) -> str:
-    return (
-        "xyz"[int(np.argmax(np.abs(way)))] if np.abs(way).max() > PARALLEL else "({:.2f}, {:.2f}, {:.2f})".format(*way)
-    )
+    return "xyz"[int(np.abs(way).argmax())] if np.abs(way).max() > PARALLEL else "({:.2f}, {:.2f}, {:.2f})".format(*way)
 
 
 def _left(arm: ArmErrors, covariance: Float, u: Float) -> list[str]:
@@ -162,7 +161,7 @@ def _left(arm: ArmErrors, covariance: Float, u: Float) -> list[str]:
     for k in np.flatnonzero(u >= OPEN * arm.prior):
         alike = np.abs(covariance[k]) / np.maximum(u * u[k], 1e-300)
         alike[k] = 0.0
-        other = int(np.argmax(alike))
+        other = int(alike.argmax())
         cause = (
             f"it cannot be told from the {arm.names[other]}"
             if alike[other] > ALIKE
@@ -180,7 +179,7 @@ def robot_results(
 
     `more`: what else the stage found, its verdict and warnings among it.
     """
-    u = np.sqrt(np.diagonal(covariance))
+    u = estimator.standard_u(covariance)
     parameters = []
     for k, name in enumerate(arm.names):
         unit, size = ("deg", DEG) if arm.twist[k, 3:].any() else ("mm", 1.0)

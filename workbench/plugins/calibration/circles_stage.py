@@ -156,7 +156,7 @@ def on_arc(x: Float, z: Float, circle: Float, sense: float, sigma: float, gap: f
     """Which points (n,), in the order of the columns, make the largest contiguous arc: no gap in x wider than `gap`."""
     good = np.abs(_residuals(x, z, circle, sense)) < GATE * sigma
     run = np.cumsum(np.abs(np.diff(x[good], prepend=x[good][:1])) > gap)
-    good[good] = run == np.argmax(np.bincount(run, minlength=1))
+    good[good] = run == np.bincount(run, minlength=1).argmax()
     return good
 
 

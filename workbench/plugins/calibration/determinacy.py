@@ -104,8 +104,8 @@ def _words(v: Float) -> str:
     turns = float(v[3:] @ v[3:]) > 0.5
     part = v[3:] if turns else v[:3]
     part = part / np.linalg.norm(part)
-    part = part * np.sign(part[np.argmax(np.abs(part))])
-    axis = "xyz"[int(np.argmax(np.abs(part)))]
+    part = part * np.sign(part[np.abs(part).argmax()])
+    axis = "xyz"[int(np.abs(part).argmax())]
     along = (
         f"the profiler's {axis}"
         if np.abs(part).max() > 0.97
@@ -139,5 +139,5 @@ def cause_of(base_from_flange: Float, centre: Float, with_offset: bool, what: st
 def _two_clusters(turns: Float) -> bool:
     """Whether rotation vectors (k, 3) gather in two places."""
     far = np.linalg.norm(turns - turns[0], axis=1)
-    other = turns[np.argmax(far)]
+    other = turns[far.argmax()]
     return bool((np.minimum(far, np.linalg.norm(turns - other, axis=1)) < ALIKE_RAD).all())

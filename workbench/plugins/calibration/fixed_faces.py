@@ -130,7 +130,7 @@ class Part:
         return estimator.Rows(
             residual=-(off * normal).sum(axis=2),
             jacobian=jacobian,
-            covariance=alone + seen.evened[:, None, None] * (own @ np.swapaxes(own, 1, 2)),
+            covariance=alone + seen.evened[:, None, None] * (own @ own.mT),
             values=np.full(len(A), float(len(which))),
             prior=prior,
             away=away,

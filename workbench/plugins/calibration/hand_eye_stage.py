@@ -214,7 +214,7 @@ def _centre_covariance(linear: Linear) -> Float:
     h = linear.centre[:, 1]
     h = np.copysign(np.maximum(np.abs(h), NEAR_EQUATOR_MM), h)
     change = by_circle(h)
-    return change @ linear.covariance @ np.swapaxes(change, 1, 2)
+    return change @ linear.covariance @ change.mT
 
 
 def _calibration(
@@ -228,7 +228,7 @@ def _calibration(
 ) -> Calibration:
     answer, view, sensor = solved
     result, seen = answer.found, answer.seen
-    estimate, noise, scale_u = result.estimate, result.noise, np.sqrt(np.diag(result.covariance))[SIZE : SIZE + 2]
+    estimate, noise, scale_u = result.estimate, result.noise, estimator.standard_u(result.covariance)[SIZE : SIZE + 2]
     with_offset = isinstance(answer.sphere.flange, Timed)
     linear = linearise(estimate, seen, noise)
     covariance = result.covariance[:6, :6]

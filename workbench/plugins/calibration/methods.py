@@ -46,7 +46,7 @@ class Pairs:
 
     def __init__(self, seen: Centres) -> None:
         i, j = np.triu_indices(len(seen.P), 1)
-        turn = vector(np.swapaxes(seen.r[i], 1, 2) @ seen.r[j])
+        turn = vector(seen.r[i].mT @ seen.r[j])
         angle = np.linalg.norm(turn, axis=1)
         axis = turn / np.maximum(angle, 1e-12)[:, None]
         self.shared = angle < SHARED_RAD  # orientation: (6) holds along all axes, else along that of the turn

@@ -102,7 +102,7 @@ def cross_matrix(v: Float) -> Float:
     """[v]x (..., 3, 3) with [v]x u = v x u."""
     out = np.zeros((*v.shape, 3))
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
-    return out - np.swapaxes(out, -1, -2)
+    return out - out.mT
 
 
 def linearise(estimate: Estimate, seen: Observations, noise: Noise, with_offset: bool = False) -> Linear:
@@ -110,7 +110,7 @@ def linearise(estimate: Estimate, seen: Observations, noise: Noise, with_offset:
     flange = seen.here
     A, b = flange.base_from_flange[:, :3, :3], flange.base_from_flange[:, :3, 3]
     R_t = estimate.rotation.T
-    A_t = np.swapaxes(A, -1, -2)
+    A_t = A.mT
     in_flange = (A_t @ (estimate.center_mm - b)[..., None])[..., 0]
     lever = in_flange - estimate.translation_mm
     centre = lever @ estimate.rotation
@@ -131,7 +131,7 @@ def linearise(estimate: Estimate, seen: Observations, noise: Noise, with_offset:
     by_radius[:, 2] = 2 * estimate.radius_mm
     jacobian = np.concatenate([jacobian[..., :9], by_radius, -seen.by_scale, jacobian[..., 9:]], axis=-1)
     spread = to_circle @ scatter
-    covariance = seen.covariance + spread @ np.swapaxes(spread, -1, -2)
+    covariance = seen.covariance + spread @ spread.mT
     bent = np.sqrt(2) * y_variance
     covariance[:, 2, 2] += bent**2
     return Linear(centre, seen.circle_at(estimate.scale) - predicted, jacobian, covariance, to_circle @ by_pose, bent)
@@ -164,7 +164,7 @@ def shared_of(linear: Linear, flange: Flange, noise: Noise) -> tuple[estimator.S
     spread, bent = linear.by_pose * noise.spread, np.zeros((len(linear.bent), 3, 1))
     scale = noise.common / (noise.common + (1 - noise.common) * flange.evened)
     bent[:, 2, 0] = scale * linear.bent  # an error in common is so squared too
-    alone = linear.covariance - spread @ np.swapaxes(spread, 1, 2)
+    alone = linear.covariance - spread @ spread.mT
     alone[:, 2, 2] -= scale * (2 - scale) * linear.bent**2  # what is its own stays, not its product with the common one
     whole = np.concatenate([spread * np.sqrt(noise.common), bent], axis=2)
     own = spread * np.sqrt(1 - noise.common)
@@ -182,7 +182,7 @@ def rows_of(linear: Linear, seen: Observations, noise: Noise, at: Estimate) -> e
     covariance = linear.covariance.copy()
     for one in shared:
         evened = flange.evened[one.rows, None, None]
-        own, whole = (each @ np.swapaxes(each, 1, 2) for each in (one.own, one.whole))
+        own, whole = (each @ each.mT for each in (one.own, one.whole))
         covariance[one.rows] = one.alone + evened * own + whole
     values = np.full(len(linear.residual), 3.0)
     return estimator.Rows(linear.residual, linear.jacobian, covariance, values, prior, away, shared)
@@ -269,7 +269,7 @@ def _places(rotations: Float, seen: Observations) -> tuple[Float, Float, Float]:
     poses = seen.here.base_from_flange
     A, b = poses[:, :3, :3], poses[:, :3, 3]
     middle = b.mean(axis=0)
-    axes = np.swapaxes((A @ rotations[:, None])[..., [0, 2]], -1, -2)  # (m, k, 2, 3)
+    axes = (A @ rotations[:, None])[..., [0, 2]].mT  # (m, k, 2, 3)
     matrix = np.concatenate([axes, np.broadcast_to(-np.eye(2), (*axes.shape[:2], 2, 2))], axis=-1)
     side = seen.circle[:, :2] + np.einsum("mkai,ki->mka", axes, b - middle)
     weight = np.ones(axes.shape[:2])
@@ -288,9 +288,9 @@ def _sides(at: Estimate, seen: Observations) -> Iterator[Estimate]:
     h = np.sqrt(np.maximum(h2, 0.0))
     shifts = np.concatenate([h - y, -h - y])
     off = np.median(np.abs((y + shifts[:, None]) ** 2 - h2), axis=1)
-    first = shifts[np.argmin(off)]
+    first = shifts[off.argmin()]
     away = np.abs(shifts - first) > CLEAR * at.radius_mm
-    for shift in (first, shifts[np.argmin(np.where(away, off, np.inf))]):
+    for shift in (first, shifts[np.where(away, off, np.inf).argmin()]):
         yield replace(at, translation_mm=at.translation_mm - shift * at.rotation[:, 1])
 
 

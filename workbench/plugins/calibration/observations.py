@@ -109,10 +109,10 @@ def _off_the_chord(poses: Float, chord: Float, middle: Float, rate: Float, bend:
     that is sampled coarsely would seem too small, and the sensor's scales wrong.
     """
     poses[:, :3, 3] -= chord[:, None] * bend[:, :3]
-    vector = vector_from_rotation(np.swapaxes(middle, 1, 2) @ poses[:, :3, :3]) - chord[:, None] * bend[:, 3:]
+    vector = vector_from_rotation(middle.mT @ poses[:, :3, :3]) - chord[:, None] * bend[:, 3:]
     now, then = middle @ rotation_from_vector(np.stack([vector, vector + DIFFERENCE_S * rate[:, 3:]]))
     poses[:, :3, :3] = now
-    back = np.swapaxes(now, 1, 2)
+    back = now.mT
     linear = (back @ rate[:, :3, None])[..., 0]
     return poses, np.concatenate([linear, vector_from_rotation(back @ then) / DIFFERENCE_S], axis=1)
 
@@ -175,7 +175,7 @@ def _series(x: Float, values: Float) -> Float:
     parts = basis.T @ values
     left = np.sum(values**2) - np.cumsum(np.sum(parts**2, axis=1)) + 1e-12 * np.sum(values**2)
     score = values.size * np.log(np.maximum(left, 1e-300)) + 3 * np.arange(1, most + 2) * np.log(values.size)
-    size = 2 + int(np.argmin(score[1:]))
+    size = 2 + int(score[1:].argmin())
     return np.linalg.solve(triangle[:size, :size], parts[:size])
 
 

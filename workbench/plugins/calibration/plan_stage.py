@@ -84,7 +84,7 @@ def information_gains(
     circle = np.stack([centre[:, 0], centre[:, 2], w], axis=1)
     linear = linearise(estimate, from_arrays(circle, profiles.covariance[alike], base_from_flange), noise)
     J = linear.jacobian
-    return np.asarray(np.swapaxes(J, 1, 2) @ np.linalg.solve(linear.covariance, J))
+    return np.asarray(J.mT @ np.linalg.solve(linear.covariance, J))
 
 
 def determinant(information: Float) -> Float:
@@ -106,7 +106,7 @@ def chosen_postures(gain: Float, start: Float, count: int) -> Int:
 def _best(gain: Float, start: Float, taken: list[int]) -> int:
     score = determinant(start + gain[taken].sum(axis=0) + gain)
     score[taken] = -np.inf
-    return int(np.argmax(score))
+    return int(score.argmax())
 
 
 def _to_limit(rng: np.random.Generator, count: int) -> Float:

@@ -81,7 +81,7 @@ def _corner(xz: Float) -> int:
         return zz - xz_**2 / np.maximum(xx, 1e-12)
 
     at = np.arange(LEAST_POINTS - 1, len(xz) - LEAST_POINTS)
-    return int(at[np.argmin(left_over(sums[at]) + left_over(sums[-1] - sums[at]))])
+    return int(at[(left_over(sums[at]) + left_over(sums[-1] - sums[at])).argmin()])
 
 
 def _line(xz: Float, noise_mm: float) -> _Line | str:

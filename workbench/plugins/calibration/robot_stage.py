@@ -228,7 +228,7 @@ def as_flange_errors(chain: Chain, arm: ArmErrors, found: estimator.Fit[Together
     what an error does over the field of view.
     """
     flange, by_error = erring_flange(chain, arm, found.at.errors, joints)
-    to_own = np.swapaxes(flange[:, :3, :3], 1, 2)
+    to_own = flange[:, :3, :3].mT
     moves = np.concatenate([to_own, -to_own @ cross_matrix(flange[:, :3, 3])], axis=2)  # of the flange, by another base
     base = np.concatenate([moves, np.concatenate([np.zeros_like(to_own), to_own], axis=2)], axis=1)
     own = np.concatenate([to_own @ by_error[:, :3], by_error[:, 3:]], axis=1)
@@ -272,7 +272,7 @@ def read_joints(path: InputFile, seen: Observations, recording: Recording, chain
     apart = inverse(erring_flange(chain, NO_ERRORS, np.zeros(0), found)[0]) @ seen.here.base_from_flange
     shift = np.linalg.norm(apart[:, :3, 3], axis=1)
     turn = np.linalg.norm(vector_from_rotation(apart[:, :3, :3]), axis=1)
-    worst = int(np.argmax(np.maximum(shift / SAME_MM, turn / SAME_RAD)))
+    worst = int(np.maximum(shift / SAME_MM, turn / SAME_RAD).argmax())
     if shift[worst] > SAME_MM or turn[worst] > SAME_RAD:
         raise InputError(
             str(path),

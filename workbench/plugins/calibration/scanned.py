@@ -91,4 +91,4 @@ def start_center(estimate: Estimate, seen: Observations, noise: Noise) -> Estima
     points = np.concatenate([to_base(centre, estimate, seen) for centre in centres])
     tried = [dataclasses.replace(estimate, center_mm=point, radius_mm=noise.radius_mm) for point in points]
     off = [np.linalg.norm(linearise(one, seen, noise).residual[:, :2], axis=1) for one in tried]
-    return tried[int(np.argmin(np.median(off, axis=1)))]
+    return tried[int(np.median(off, axis=1).argmin())]

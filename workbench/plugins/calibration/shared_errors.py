@@ -89,7 +89,7 @@ def _of_scans(found: estimator.Fit[Estimate], sphere: Sphere) -> Settled:
     parts = [scans.by(*one) for one in grid]
     log = np.array([one.restricted for one in parts])
     believed = log + np.array([_prior_of_scans(*one) for one in grid])
-    mixture, best = _Mixture(parts, believed), int(np.argmax(believed))
+    mixture, best = _Mixture(parts, believed), int(believed.argmax())
     less = (one for one in (*AS_STATED, *owns) if one <= 1.0)
     as_stated = max(scans.by(np.sqrt(1.0 - one**2), one).restricted for one in less)
     misfit = bool(np.hypot(*grid[best]) > 1.0 and log[best] > as_stated + CERTAIN)
@@ -182,7 +182,7 @@ def _over_postures(estimate: Estimate, here: Observations, noise: Noise, kernel:
     own = linear.by_pose * noise.spread
     ways, size, _ = np.linalg.svd(kernel, hermitian=True)
     whole = np.einsum("kij,kb->kibj", linear.by_pose[..., :3], ways * np.sqrt(size)).reshape(count, 3, -1)
-    alone = linear.covariance - own @ np.swapaxes(own, 1, 2)
+    alone = linear.covariance - own @ own.mT
     shared = estimator.Shared(np.arange(count), alone, own, np.arange(count), np.zeros(count), count, whole)
     return replace(rows_of(linear, here, noise, estimate), shared=(shared,)).normal()
 

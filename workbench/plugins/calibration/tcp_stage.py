@@ -192,7 +192,7 @@ def with_scanned(touches: Touches, path: InputFile, scanner: Scanner) -> Touches
         if name not in every:
             raise InputError(str(path), f"'{name}' is no reference of the touches{nearest(name, every)}")
     order = sorted(range(len(names)), key=lambda k: every.index(names[k]))
-    lines = [f"{path}: line {table.lines[int(np.argmax(which == k))]}" for k in order]
+    lines = [f"{path}: line {table.lines[int((which == k).argmax())]}" for k in order]
     places = scanner.places([passes[which == k] for k in order], lines)
     known_mm, moved = np.full_like(touches.known_mm, np.nan), places.shared.reshape(3 * len(order), -1)
     known_mm[[every.index(names[k]) for k in order]] = places.center_mm
@@ -218,7 +218,7 @@ def read_touches(path: InputFile, reference_u_mm: float) -> Touches:
     shared = reference_u_mm**2 * np.kron(np.ones((count, count)), np.eye(3)) + ALONE_MM**2 * np.eye(3 * count)
     beside = table.numbers((STAND_OFF,), blank=True)[:, 0]
     if (beside < 0.0).any():
-        raise InputError(f"{path}: line {table.lines[int(np.argmax(beside < 0.0))]}: {STAND_OFF}", "expected 0 or more")
+        raise InputError(f"{path}: line {table.lines[int((beside < 0.0).argmax())]}: {STAND_OFF}", "expected 0 or more")
     return Touches(
         poses(table)[:, :3], tool, reference, tools, references, measured, shared, beside, tuple(table.lines)
     )
@@ -229,7 +229,7 @@ def _check_stand_off(touches: Touches, radius_mm: float, where: str) -> None:
     unsaid, within = np.isnan(touches.stand_off_mm), (touches.beside_mm > 0.0) & (touches.beside_mm < radius_mm)
     if (unsaid | within).any():
         raise InputError(
-            f"{where}: line {touches.lines[int(np.argmax(unsaid | within))]}: {STAND_OFF}",
+            f"{where}: line {touches.lines[int((unsaid | within).argmax())]}: {STAND_OFF}",
             f"expected the tool point's distance from the centre of the scanned sphere: its radius, {radius_mm:g} mm, "
             "and that of the ball that touches it; or 0 where a pin target takes the sphere's place",
         )
@@ -248,7 +248,7 @@ class _Touching:
         n, tools, refs = len(self.rotation), len(touches.tool_names), len(touches.reference_names)
         which, by = np.arange(n)[:, None], np.arange(3)
         self.slope = np.zeros((n, 3, 3 * (tools + refs)))
-        self.slope[which, :, 3 * touches.tool_point[:, None] + by] = np.swapaxes(self.rotation, 1, 2)
+        self.slope[which, :, 3 * touches.tool_point[:, None] + by] = self.rotation.mT
         self.slope[which, by, 3 * (tools + touches.reference[:, None]) + by] = -1.0
         self.offset = np.zeros((n, 3)) if beside is None else beside
         self.ball_mm = touches.beside_mm if beside is None else np.zeros(n)

@@ -99,7 +99,7 @@ class Tracking:
         slope, none = np.zeros((n, 3, size)), np.zeros((size, size))
         slope[:, :, :3], slope[:, :, 3:6] = np.eye(3), -cross_matrix(beyond)
         column = 6 + 3 * seen.target[:, None] + np.arange(3)
-        slope[np.arange(n)[:, None], :, column] = np.swapaxes(frame @ turn, 1, 2)
+        slope[np.arange(n)[:, None], :, column] = (frame @ turn).mT
         own, alone, values = by_pose * self.spread, np.tile(self.alone, (n, 1, 1)), np.full(n, 3.0)
         residual = seen.place_mm - beyond - at.tracker_from_base[:3, 3]
         places = estimator.Rows.posed(residual, slope, alone, own, self.posture, values, none, none[0])

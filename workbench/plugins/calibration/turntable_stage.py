@@ -123,7 +123,7 @@ class _Turning:
         slope[:, :, 2:4] = estimator.jacobian_of(lambda turn: self.predicted(_turned(at, turn)), np.full(2, STEP))
         slope[:, :, 4:7] = self.time[:, None, None] * np.eye(3)
         column = 7 + 3 * self.marks.marker[:, None] + np.arange(3)
-        slope[np.arange(n)[:, None], :, column] = np.swapaxes(self.turned(at), 1, 2)
+        slope[np.arange(n)[:, None], :, column] = self.turned(at).mT
         prior[4:7, 4:7] = np.linalg.inv(self.drift**2 * self.marks.places.covariance.mean(axis=0))
         away = np.zeros(size)
         away[4:7] = -at.drift_mm

@@ -67,7 +67,7 @@ def _held_out(sphere: Sphere, at: Estimate, spread: Float, chi2: float, freedom:
     """By an estimate, the first of whose unknowns have this covariance."""
     rows = sphere.rows(at)
     change = rows.jacobian[..., : len(spread)]
-    covariance = rows.covariance + change @ spread @ np.swapaxes(change, 1, 2)
+    covariance = rows.covariance + change @ spread @ change.mT
     return HeldOut(rows.residual, covariance, sphere.shown(at)[:, 1], chi2, freedom)
 
 

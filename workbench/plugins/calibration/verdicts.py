@@ -17,6 +17,7 @@ from workbench.api import (
     HandEye,
     Part,
     Recording,
+    estimator,
     pieces,
     result_file,
     rpy_from_rotation,
@@ -147,7 +148,7 @@ def directions_html(directions: Iterable[tuple[str, float]]) -> str:
 
 def pose_facts(eye: HandEye, clock_s: tuple[float, float] | None) -> list[tuple[str, str]]:
     """Names and values for the report, each with its u; `clock_s`: the clock's offset and its u, where it was found."""
-    pose, u = eye.flange_from_profiler, np.sqrt(np.diagonal(np.asarray(eye.covariance)))
+    pose, u = eye.flange_from_profiler, estimator.standard_u(np.asarray(eye.covariance))
     place = ", ".join(f"{v:.3f} ± {s:.3f}" for v, s in zip(pose[:3, 3], u[:3], strict=True))
     facts = [
         ("Predicted RMS error of a point over the field of view", f"{eye.volume_u_mm:.3f} mm"),

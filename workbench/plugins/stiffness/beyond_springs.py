@@ -86,7 +86,7 @@ def with_causes(
         seen = np.maximum(1.0 / known - u**-2.0, RANK / known)  # information of the loads alone
         gain = np.where(np.isfinite(u), np.abs(size) / (known * np.sqrt(seen) * np.hypot(1.0, u * np.sqrt(seen))), 0.0)
         gain /= np.sqrt(noise2)
-        best = int(np.argmax(gain))
+        best = int(gain.argmax())
         if gain[best] < SURE_SIGMAS or len(told) == MOST_CAUSES:
             break
         told.append(best)
@@ -153,7 +153,7 @@ def _lack(
     """What is left of a fit whose causes `told` are free; first (6,): the compliance with none of them free."""
     residual = found.rows.residual[found.used][..., None]
     repeated, noise2, linear = _repeated(tests, loading, found)
-    sure = np.sqrt(np.diag(found.inverse))
+    sure = estimator.standard_u(found.inverse)
     held = 1.0 - sure[6:] ** 2 * loading.u**-2.0  # of each cause, by the loads
     freedom = linear - 6 - float(held.sum())
     lacking = float(found.rows.only(found.used).product(residual)[0, 0]) - repeated
@@ -179,12 +179,12 @@ def _hidden(causes: list[Cause], found: estimator.Fit[Float], changes: Float, u:
 
     changes (m, 6): rad/Nm for each unit of a cause; u (m,): what was assumed of it.
     """
-    known, worst = np.sqrt(np.diag(found.inverse))[:6], dict[str, tuple[float, str]]()
+    known, worst = estimator.standard_u(found.inverse)[:6], dict[str, tuple[float, str]]()
     for cause, change, held in zip(causes, changes, u, strict=True):
         if cause.hidden is None or not np.isfinite(held):
             continue
         kind, which, unit = cause.hidden
-        joint = int(np.argmax(change / known))
+        joint = int((change / known).argmax())
         share, times = 100.0 * change[joint] / abs(found.at[joint]), change[joint] / known[joint]
         words = f"{kind}: {which} changes joint {joint + 1} by {share:.2g} % ({times:.2g} u); u holds {held:.2g} {unit}"
         worst[kind] = max(worst.get(kind, (0.0, "")), (times * held, words))

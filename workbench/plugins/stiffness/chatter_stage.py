@@ -100,7 +100,7 @@ def chatter(
         spindle_rpm=cuts.rpm,
         warnings=modes.declared,
     )
-    worst = int(np.argmin(found.margin))
+    worst = int(found.margin.argmin())
     lobes = _lobes(cuts.only(np.array([worst])), dynamics.at(worst), speed_change, largest_depth_mm)
     bounds = Bounds(least_margin, u_log, root_tolerance_mm, most_layers, speed_change)
     choice = choose(cell, toolpath, cuts, found.layer, dynamics, bounds) if most_layers else None

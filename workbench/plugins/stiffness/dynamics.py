@@ -111,8 +111,8 @@ def mass_matrix(chain: Chain, bodies: Bodies, joints: Shaped[Float, "k 6"]) -> S
         slope[:, :, link + 1 :] = 0.0
         inertia = np.zeros((len(joints), 6, 6))
         inertia[:, :3, :3] = bodies.mass_kg[link] * np.eye(3)
-        inertia[:, 3:, 3:] = at[:, :3, :3] @ bodies.inertia_kg_m2[link] @ np.swapaxes(at[:, :3, :3], 1, 2)
-        whole += np.swapaxes(slope, 1, 2) @ inertia @ slope
+        inertia[:, 3:, 3:] = at[:, :3, :3] @ bodies.inertia_kg_m2[link] @ at[:, :3, :3].mT
+        whole += slope.mT @ inertia @ slope
     return whole
 
 
@@ -135,17 +135,17 @@ def at_tool(
     if force_n is not None:
         wrench = np.concatenate([force_n, np.zeros_like(force_n)], axis=1)
         own = geometric_stiffness(jacobian_derivative(axes, slope), wrench)
-        springs = springs - (own + np.swapaxes(own, 1, 2)) / 2
+        springs = springs - (own + own.mT) / 2
     root = np.linalg.cholesky(mass_matrix(chain, modes.bodies, joints))
     back = np.linalg.inv(root)
-    over = np.swapaxes(back, 1, 2)
+    over = back.mT
     squared, shapes = np.linalg.eigh(back @ springs @ over)
     shapes = over @ shapes
-    linear = np.swapaxes(base_from_tool[:, :3, :3], 1, 2) @ slope[:, :3] / MM
+    linear = base_from_tool[:, :3, :3].mT @ slope[:, :3] / MM
     if len(modes.damping) == 1:
         damping = 2 * modes.damping[0] * np.sqrt(np.maximum(squared, 0.0))[:, :, None] * np.eye(6)
     else:
-        damping = np.swapaxes(shapes, 1, 2) @ (modes.damping[:, None] * shapes)
+        damping = shapes.mT @ (modes.damping[:, None] * shapes)
     return _with_tool(Dynamics(squared[:, :, None] * np.eye(6), damping, linear @ shapes), modes.tool)
 
 

@@ -25,7 +25,7 @@ MM = 1e3  # mm per m
 def torques(jacobian: Float, wrench: Float) -> Float:
     """Joint torques J^T F (..., 6) in Nm, of a wrench (..., 6) at the Jacobian's point."""
     scaled = np.asarray(wrench, float) / ((MM,) * 3 + (1.0,) * 3)
-    return np.asarray((np.swapaxes(jacobian, -1, -2) @ scaled[..., None])[..., 0])
+    return np.asarray((jacobian.mT @ scaled[..., None])[..., 0])
 
 
 def geometric_stiffness(derivative: Float, wrench: Float) -> Float:
@@ -103,7 +103,7 @@ def way(chain: Chain, joints: Float, dq: Float, point_mm: Float) -> Float:
     """Displacement (..., 6) of a flange point when the joints turn by dq, however far."""
     before, after = forward_kinematics(chain, joints), forward_kinematics(chain, joints + dq)
     way = ((after - before) @ [*point_mm, 1.0])[..., :3]
-    turned = vector_from_rotation(after[..., :3, :3] @ np.swapaxes(before[..., :3, :3], -1, -2))
+    turned = vector_from_rotation(after[..., :3, :3] @ before[..., :3, :3].mT)
     return np.concatenate([way, turned], axis=-1)
 
 

@@ -71,11 +71,11 @@ def equations(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Equatio
 
     def about(axes: Float) -> tuple[Float, Float, Float]:
         """Jacobian (L, r, 6) of the rows, torque by the wrench (L, 6, 6) and torque (L, 6) about axes (L, 6, 3)."""
-        by_wrench = np.swapaxes(jacobian_at(axes, points, sensor[:, :3, 3]), -1, -2) @ turn
+        by_wrench = jacobian_at(axes, points, sensor[:, :3, 3]).mT @ turn
         torque = (by_wrench @ tests.wrench[..., None])[..., 0]
         if not tests.points:
             return jacobian_at(axes, points, (flange @ setup.flange_from_tool)[:, :3, 3]), by_wrench, torque
-        targets = np.swapaxes(flange[:, :3, :3] @ setup.targets_mm[: tests.points].T, 1, 2) + flange[:, None, :3, 3]
+        targets = (flange[:, :3, :3] @ setup.targets_mm[: tests.points].T).mT + flange[:, None, :3, 3]
         each = [jacobian_at(axes, points, targets[:, k])[:, :3] for k in range(tests.points)]
         return np.concatenate(each, axis=1), by_wrench, torque
 
@@ -123,13 +123,13 @@ def displaced(
         return way(chain, joints, dq, setup.flange_from_tool[:3, 3])
     moved = (forward_kinematics(chain, joints + dq) - flange)[:, :3]
     ends = np.column_stack([setup.targets_mm[: tests.points], np.ones(tests.points)])
-    return np.swapaxes(moved @ ends.T, 1, 2).reshape(len(joints), -1)
+    return (moved @ ends.T).mT.reshape(len(joints), -1)
 
 
 def covariances(eq: Equations, compliance: Float) -> Float:
     """Covariance (L, r, r) of each load's rows: noise of the displacement, and of the wrench through the robot."""
     through = (eq.jacobian * compliance) @ eq.by_wrench * eq.wrench_noise
-    return through @ np.swapaxes(through, -1, -2) + np.diag(eq.noise**2)
+    return through @ through.mT + np.diag(eq.noise**2)
 
 
 class Loading:
@@ -183,7 +183,7 @@ class Loading:
 def unobserved(compliance: Float, covariance: Float, largest_relative_u: float) -> list[int]:
     """Joints (from 0) whose compliance has a relative uncertainty above the limit, the worst first."""
     relative = np.full(6, np.inf)
-    np.divide(np.sqrt(np.diag(covariance)), compliance, out=relative, where=compliance > 1e-300)
+    np.divide(estimator.standard_u(covariance), compliance, out=relative, where=compliance > 1e-300)
     return [int(j) for j in np.argsort(-relative) if relative[j] > largest_relative_u]
 
 
@@ -198,7 +198,7 @@ def reason(joint: int, compliance: Float, covariance: Float, eq: Equations, forc
             f"every force acts through its axis or nearly so, as with an in-line tool (largest torque about it "
             f"{torque.max():.3g} Nm): load it through a lever beside its axis"
         )
-    every = np.sqrt(np.diag(covariance))
+    every = estimator.standard_u(covariance)
     u, correlation = every[joint], np.abs(covariance[joint] / (every * every[joint]))
     partners = " and ".join(str(j + 1) for j in np.flatnonzero(correlation > ALIKE) if j != joint)
     if partners:

@@ -257,7 +257,7 @@ def _check_lines(path: Path, spectrum: AnyArray, turns: int, turn_hz: float, cut
     if not len(lines):
         return
     between = np.where(np.abs(order - np.round(order)) > 0.25, power[: most + 1], 0.0)
-    worst = int(np.argmax(between))
+    worst = int(between.argmax())
     if between[worst] > CHATTER_SHARE * lines.max():
         raise InputError(
             str(path),
@@ -266,7 +266,7 @@ def _check_lines(path: Path, spectrum: AnyArray, turns: int, turn_hz: float, cut
             "amplitude; means of a stable cut are needed",
         )
     n = cut.cutter.flutes
-    strongest = int(np.argmax(lines)) + 1
+    strongest = int(lines.argmax()) + 1
     own = lines[n - 1] if n <= len(lines) else 0.0
     if strongest != 1 and n <= len(lines) and lines[strongest - 1] > MUCH * own:
         raise InputError(
@@ -287,7 +287,7 @@ class Tried(NamedTuple):
     @property
     def words(self) -> str:
         """The axes, as `axes` takes them."""
-        return " ".join(("-" if row.sum() < 0 else "") + "xyz"[int(np.argmax(np.abs(row)))] for row in self.turn)
+        return " ".join(("-" if row.sum() < 0 else "") + "xyz"[int(np.abs(row).argmax())] for row in self.turn)
 
     @property
     def positive(self) -> bool:
@@ -367,7 +367,7 @@ def _chosen(tried: Sequence[Tried], recorded: Sequence[Recorded], stated: bool) 
     if len(fitting) == 1:
         return fitting[0]
     if not fitting:
-        ktc, krc, kac, *_ = tried[int(np.argmax(turning))].values
+        ktc, krc, kac, *_ = tried[int(turning.argmax())].values
         which = f"these axes ({ktc:.0f}, {krc:.0f}, {kac:.0f} N/mm2)" if stated else "any axes"
         raise InputError(
             where,
@@ -453,7 +453,7 @@ def _document(found: Identified) -> Document:
             "cutter_diameter_mm": found.cut.cutter.diameter_mm,
             "flutes": found.cut.cutter.flutes,
             **dict(zip(NAMES, chosen.values, strict=True)),
-            "u": dict(zip(NAMES, np.sqrt(np.diag(chosen.covariance)), strict=True)),
+            "u": dict(zip(NAMES, estimator.standard_u(chosen.covariance), strict=True)),
             "covariance": chosen.covariance,
             "misfit": chosen.misfit,
             "axes": chosen.words,
@@ -478,7 +478,7 @@ def _document(found: Identified) -> Document:
 
 
 def _chapter(found: Identified) -> Chapter:
-    u = np.sqrt(np.diag(found.chosen.covariance))
+    u = estimator.standard_u(found.chosen.covariance)
     named = zip(("K_tc", "K_rc", "K_ac", "K_te", "K_re", "K_ae"), found.chosen.values, u, strict=True)
     rows = [(n, f"{k:.4g} ± {2 * s:.2g}", "N/mm²" if n[-1] == "c" else "N/mm") for n, k, s in named]
     recorded = found.recorded

@@ -173,8 +173,8 @@ def _left_out(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]
 
 def _gain(compliance: Float, covariance: Float) -> str:
     """What a scale that no load shows would change."""
-    times = 0.01 * compliance / np.sqrt(np.diag(covariance))
-    joint = int(np.argmax(times))
+    times = 0.01 * compliance / estimator.standard_u(covariance)
+    joint = int(times.argmax())
     return (
         "the force sensor's gain against the tracker's scale: 1 % of it changes every joint by 1 % "
         f"({times[joint]:.2g} u of joint {joint + 1}); no residual shows it, scale_relative_u declares it"
@@ -191,7 +191,7 @@ def lack_in_words(found: estimator.Fit[Float], lack: LackOfFit, widened: float) 
         )
     if lack.causes:
         share = np.abs(lack.change / found.at[:6])
-        joint = int(np.argmax(share))
+        joint = int(share.argmax())
         lines.append(
             f"six springs alone do not explain the displacements; what would: {lack.causes}. That would "
             f"change joint {joint + 1} by {100 * share[joint]:.2g} %, and stands in u"
@@ -236,7 +236,7 @@ def _stiffness(
 def stiffness_chapter(found: JointStiffness, labels: tuple[str, ...], notes: dict[str, Any]) -> Chapter:
     """Stiffness with its uncertainty, what that does not hold, and how each load fits; `notes`: of the result file."""
     share = 2 * found.u_nm_per_rad / found.nm_per_rad
-    worst = int(np.argmax(share))
+    worst = int(share.argmax())
     summary = (
         f"Joint stiffness from {found.loads} loads at {found.postures} postures; the least certain is joint "
         f"{worst + 1}, U = {100 * share[worst]:.1f} % of its value (k = 2)"

@@ -57,8 +57,8 @@ def makes_sense(found: estimator.Fit[Float], largest_relative_u: float) -> bool:
 
 def _possible(found: estimator.Fit[Float]) -> bool:
     """Whether nothing but too large an uncertainty speaks against an estimate."""
-    sure = found.at > -SURE * np.sqrt(np.diag(found.covariance))
-    known = found.at[found.at > SURE * np.sqrt(np.diag(found.inverse))]
+    sure = found.at > -SURE * estimator.standard_u(found.covariance)
+    known = found.at[found.at > SURE * estimator.standard_u(found.inverse)]
     low, high = PLAUSIBLE_NM_PER_RAD
     return bool(sure.all()) and (not len(known) or low < mean_stiffness(known) < high)
 
@@ -113,7 +113,7 @@ def _readings(chain: Chain, tests: LoadingTests) -> Iterator[tuple[str, LoadingT
     rotation = forward_kinematics(chain, tests.joints)[:, :3, :3]
     yield (
         "the wrench is in base axes, not in the sensor's",
-        dataclasses.replace(tests, wrench=_turned(tests.wrench, np.swapaxes(rotation, 1, 2))),
+        dataclasses.replace(tests, wrench=_turned(tests.wrench, rotation.mT)),
     )
     yield (
         "the displacement is in flange axes, not in the base's",
@@ -173,7 +173,7 @@ def check_filled(tests: LoadingTests) -> None:
     if not filled.any():
         raise InputError(tests.source, "loads without displacement: every displacement is 0")
     if not (tests.points or filled.all()):
-        empty = tests.columns[int(np.argmin(filled))]
+        empty = tests.columns[int(filled.argmin())]
         raise InputError(
             tests.source,
             f"column {empty} is 0 in every load: expected what was measured; where no rotations were measured, give "

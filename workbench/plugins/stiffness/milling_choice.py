@@ -96,7 +96,7 @@ def choose(
     faster = {way: Counter[str]() for way in DIRECTIONS}
     pairs = sorted(product(range(1, bounds.most_layers + 1), every), key=lambda pair: (pair[0] / pair[1], pair[0]))
     final = layer == toolpath.layers[-1].index
-    give = dynamics.shape @ np.linalg.solve(dynamics.stiffness, np.swapaxes(dynamics.shape, 1, 2)) * MM  # mm/N
+    give = dynamics.shape @ np.linalg.solve(dynamics.stiffness, dynamics.shape.mT) * MM  # mm/N
     for row, way in enumerate(DIRECTIONS):
         for layers, rpm in pairs:
             met = replace(cuts, rpm=float(rpm), radial_mm=cuts.radial_mm * count / layers)

@@ -109,7 +109,7 @@ def modes(
         (3, 'modes.json')
     """
     bodies = bodies_of(cell, link_masses_kg)
-    stated = np.sqrt(np.diag(stiffness.covariance)) / stiffness.nm_per_rad
+    stated = estimator.standard_u(stiffness.covariance) / stiffness.nm_per_rad
     k_relative = np.where(stated > 0, stated, stiffness_relative_u)
     u = np.concatenate([k_relative, np.full(6, mass_relative_u), [damping_relative_u]])
     tool = None
@@ -178,7 +178,7 @@ class _Taps:
         powers = np.stack([swing**2, swing, np.ones_like(swing)], axis=1)
         parts = self._mechanics(at).reshape(-1, 3, 6, 6)[posture]
         whole = np.einsum("nm,nmij->nij", powers, parts)
-        to, by = np.moveaxis(np.linalg.solve(whole, np.swapaxes(self.slopes, 1, 2).astype(complex)), 2, 0)
+        to, by = np.moveaxis(np.linalg.solve(whole, self.slopes.mT.astype(complex)), 2, 0)
         moves = np.einsum("nm,ni,nj->nmij", powers, to, by).reshape(len(to), -1)
         slope = estimator.jacobian_of(lambda step: self._mechanics(at[:LINKS] + step), np.full(LINKS, STEP))
         change = np.zeros((len(to), LINKS), complex)
@@ -212,7 +212,7 @@ def fitted(chain: Chain, start: RobotModes, tests: TapTests, relative_u: float, 
     inertia = np.einsum("kii->i", mass_matrix(chain, start.bodies, tests.joints)) / len(tests.joints)
     dampers = 2 * start.damping[0] * np.sqrt(start.nm_per_rad * inertia)
     begun = replace(start, damping=dampers, covariance=np.zeros((JOINTS, JOINTS)))
-    u = np.sqrt(np.diag(start.covariance))
+    u = estimator.standard_u(start.covariance)
     prior = np.concatenate([u[:12], np.full(6, FLAT)])
     calm = _Taps(chain, begun, tests, 10 * relative_u, prior, as_built_u)  # far from the answer, resonances mislead
     _check_scale(calm, tests)
@@ -226,7 +226,7 @@ def fitted(chain: Chain, start: RobotModes, tests: TapTests, relative_u: float, 
             "axes, point (point_mm), joint angles or kind others? A narrower band_hz leaves the links' own modes out",
         )
     change, known = found.at[:6], np.sqrt(np.diag(found.covariance)[:6] + prior[:6] ** 2)
-    worst = int(np.argmax(np.abs(change) / known))
+    worst = int((np.abs(change) / known).argmax())
     if abs(change[worst]) > CONTRADICTS * known[worst]:
         raise InputError(
             tests.source,
@@ -307,7 +307,7 @@ def swings(one: Dynamics) -> tuple[Float, Float]:
 
 def _chapter(found: RobotModes, shown: Dynamics, tests: TapTests | None, joints_deg: tuple[float, ...]) -> Chapter:
     frequency, ratio = swings(shown)
-    u = np.sqrt(np.diag(found.covariance))
+    u = estimator.standard_u(found.covariance)
     rows = [(f"{k}", f"{f:.1f}", f"{100 * z:.1f}") for k, (f, z) in enumerate(zip(frequency, ratio, strict=True), 1)]
     values = np.concatenate([found.nm_per_rad, found.bodies.mass_kg, found.damping])
     known = [(name, f"{v:.4g}", f"{200 * s:.0f} %") for name, v, s in zip(found.names, values, u, strict=True)]

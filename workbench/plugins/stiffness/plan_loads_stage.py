@@ -77,7 +77,7 @@ def candidates(
     eq = equations(cell.chain, setup, tests)
     relative = eq.a / stiffness
     weighted = np.linalg.solve(covariances(eq, 1 / stiffness), relative)
-    information = 2 * np.swapaxes(relative, 1, 2) @ weighted
+    information = 2 * relative.mT @ weighted
     return Candidates(joints, at, force, wrench, information.reshape(count, loads, 6, 6))
 
 
@@ -278,4 +278,4 @@ def _best(information: Float, owner: Int, most: int, chosen: list[int]) -> int:
     total = np.eye(6) * PRIOR + information[chosen].sum(axis=0)
     room = np.bincount(owner[chosen], minlength=owner[-1] + 1) < most
     costs = np.sum(relative_u(total + information) ** POWER, axis=-1)
-    return int(np.argmin(np.where(room[owner], costs, np.inf)))
+    return int(np.where(room[owner], costs, np.inf).argmin())

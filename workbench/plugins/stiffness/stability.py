@@ -138,7 +138,7 @@ def _least(judge: Judge, depth: Float) -> float:
     unstable = judge.radius(depth) > 1.0
     if not unstable.any():
         return float(np.inf)
-    at = int(np.argmax(unstable))
+    at = int(unstable.argmax())
     low, high = (depth[at - 1] if at else 0.0), float(depth[at])
     if at == 0:  # from below: nothing is known of smaller ones
         low = high / RATIO
@@ -147,7 +147,7 @@ def _least(judge: Judge, depth: Float) -> float:
     for _ in range(ROUNDS):
         between = np.linspace(low, high, FINER + 2)
         unstable = np.append(judge.radius(between[1:-1]) > 1.0, True)
-        first = int(np.argmax(unstable))
+        first = int(unstable.argmax())
         low, high = float(between[first]), float(between[first + 1])
     return (low + high) / 2
 
@@ -246,7 +246,7 @@ def averaged(dynamics: Dynamics, cut: Milling, *, regeneration: bool = True) -> 
     """
     k, n = dynamics.shape.shape[0], dynamics.shape.shape[2]
     scale = np.sqrt(np.abs(np.trace(dynamics.stiffness, axis1=1, axis2=2) / n))[:, None, None]
-    pushed = np.swapaxes(dynamics.shape, 1, 2) @ mean_direction(cut) * MM
+    pushed = dynamics.shape.mT @ mean_direction(cut) * MM
     free, by, to = np.zeros((k, 2 * n, 2 * n)), np.zeros((k, 2 * n, 2)), np.zeros((k, 2, 2 * n))
     free[:, :n, n:] = np.eye(n)
     free[:, n:, :n], free[:, n:, n:] = -dynamics.stiffness / scale**2, -dynamics.damping / scale

@@ -328,7 +328,7 @@ class Examiner:
         if cause != FREE:
             return joints, cause, hit
         external = self.points.external(np.full(len(joints), table), np.arange(len(joints)))
-        told = refusal(self.whole, joints, external, self.points.feed_mm_s, int(np.argmax(self.points.cutting)))
+        told = refusal(self.whole, joints, external, self.points.feed_mm_s, int(self.points.cutting.argmax()))
         if told is None:
             return joints, FREE, -1
         kind, pair = told

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.api import DEG, Bodies, Float, InputError, Int, Shaped
+from workbench.api import DEG, Bodies, Float, InputError, Int, Shaped, estimator
 from workbench.plugins.stiffness.coefficients import CuttingCoefficients
 
 Six = tuple[float, float, float, float, float, float]  # of the joints
@@ -30,7 +30,7 @@ class JointStiffness:
     @property
     def u_nm_per_rad(self) -> Float:
         """Standard uncertainties (6,)."""
-        return np.sqrt(np.diag(self.covariance))
+        return estimator.standard_u(self.covariance)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.api import Float, InputError, Int, csv_table, finite_number
+from workbench.api import Bool, Float, InputError, Int, csv_table, finite_number
 
 MAX_BYTES = 2**26
 MOST = 1e6  # degrees, N, Nm, mm: beyond it lies nobody's measurement
@@ -31,6 +31,10 @@ class Table:
         self.header, self.lines, self._rows = csv_table(path, MAX_BYTES, needed=needed)
         if len(self._rows) < least:
             raise InputError(str(path), f"expected at least {least} rows, found {len(self._rows)}")
+
+    def place(self, rows: Bool) -> str:
+        """Where the first of the rows marked (n,) stands, for messages."""
+        return f"{self.path}: line {self.lines[int(rows.argmax())]}"
 
     def words(self, name: str, absent: str) -> list[str]:
         """A column of labels; `absent` in every row where the file has no such column."""

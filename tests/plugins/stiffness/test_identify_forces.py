@@ -43,7 +43,7 @@ def test_any_two_feeds_give_the_coefficients_and_the_third_mean(pair: tuple[int,
     (other,) = set(range(3)) - set(pair)
     cut = Cutting(Cutter(diameter_mm=10.0, flutes=2, flute_length_mm=3.0), 3.0, (0.0, np.pi), 450.0, 6000.0)
     mean = read_forces(SHIPPED[other]).value.mean(axis=0)
-    predicted = mean_matrix(cut, FEEDS[other] / 12000.0) @ got
+    predicted = mean_matrix(cut, np.array([FEEDS[other] / 12000.0]))[0] @ got
     assert np.linalg.norm(DYNAMOMETER @ predicted - mean) < 0.03 * np.linalg.norm(mean)
 
 

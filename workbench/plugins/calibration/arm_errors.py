@@ -141,7 +141,7 @@ def _ways(chain: Chain, k: int) -> list[Float]:
         return list(_across(axis))
     apart = chain.points_mm[k] - chain.points_mm[k - 1]
     apart = apart - (apart @ axis) * axis
-    length = float(np.linalg.norm(apart))
+    length = np.linalg.norm(apart)
     return [apart / length] if length > 1.0 else list(_across(axis))
 
 
@@ -167,7 +167,7 @@ def _left(arm: ArmErrors, covariance: Float, u: Float) -> list[str]:
             if alike[other] > ALIKE
             else "what it does, the place of the robot or of what it carries does too"
         )
-        share = 100.0 * float(u[k] / arm.prior[k])
+        share = 100.0 * (u[k] / arm.prior[k])
         said.append(f"the {arm.names[k]} is left nearly as built (u is {share:.0f} % of the prior): {cause}")
     return said
 

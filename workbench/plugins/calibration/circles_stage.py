@@ -263,13 +263,13 @@ def _arc(recording: Recording, frame: int, radius: float, sigma: float, sense: f
     if cause:
         return Rejected(frame, cause)
     residual = z[good] - circle[1] - start[3] * np.sqrt(circle[2] - (x[good] - circle[0]) ** 2)
-    return Arc(frame, circle, inverse, residual, columns[good], float(start[3]))
+    return Arc(frame, circle, inverse, residual, columns[good], start[3])
 
 
 def _implausible(x: Float, circle: Float, inverse: Float, scale: float, radius: float) -> str:
     """Why a circle cannot be a section of the sphere; empty if it can."""
-    r = float(np.sqrt(circle[2]))
-    u = float(scale * np.sqrt(inverse[2, 2]) / (2 * r))
+    r = np.sqrt(circle[2])
+    u = scale * np.sqrt(inverse[2, 2]) / (2 * r)
     if np.ptp(x) < MIN_SPAN * r:
         return f"the arc spans {np.ptp(x):.2f} mm of a circle of radius {r:.2f} mm: too little to fit it"
     if u > MAX_RADIUS_U * radius:
@@ -283,7 +283,7 @@ def _profiles(recording: Recording, found: list[Arc], rejected: list[Rejected], 
     """All arcs together: the noise they share, and the covariances that follow."""
     assert recording.sphere_diameter_mm is not None
     each = np.array([_spread(arc.residual) for arc in found])
-    noise = max(least_mm, float(np.sqrt(np.mean(each**2))))
+    noise = max(least_mm, np.sqrt(np.mean(each**2)))
     correlation = _correlation(found)
     points = np.array([len(arc.columns) for arc in found])
     noisier = each > noise * (1 + 4 / np.sqrt(2 * points))  # beyond chance: such a frame counts for less
@@ -315,8 +315,8 @@ def _spread(residual: Float) -> float:
 def _correlation(found: list[Arc]) -> float:
     """First autocorrelation of the residuals, pooled; 0 where it is within its own noise."""
     pairs = [(arc.residual[1:], arc.residual[:-1]) for arc in found]
-    product = sum(float(a @ b) for a, b in pairs)
-    power = sum(float(arc.residual @ arc.residual) for arc in found)
+    product = sum(a @ b for a, b in pairs)
+    power = sum(arc.residual @ arc.residual for arc in found)
     count = sum(len(a) for a, _ in pairs)
     correlation = product / max(power, 1e-300)
     return float(min(correlation, 0.9)) if correlation > 3 / np.sqrt(max(count, 1)) else 0.0

@@ -142,7 +142,7 @@ class Part:
         per_face = 2 + len(self.shifts)
         each = step[6 : 6 + per_face * self.faces].reshape(self.faces, per_face)
         turns = np.concatenate([[step[3:6]], np.pad(each[:, :2], ((0, 0), (0, 1)))])
-        less = min(1.0, MOST_TURN / max(float(np.linalg.norm(turns, axis=1).max()), 1e-12))
+        less = min(1.0, MOST_TURN / max(np.linalg.norm(turns, axis=1).max(), 1e-12))
         each = less * each
         turn = rotation_from_vector(np.einsum("fa,fai->fi", each[:, :2], at.frame[:, :2]))
         shift = np.einsum("fa,fai->fi", each[:, 2:], at.frame[:, list(self.shifts)])
@@ -188,7 +188,7 @@ class Part:
         matrix, target = np.concatenate(columns), np.concatenate(side)
         answer = np.linalg.lstsq(matrix, target, rcond=1e-9)[0]
         place = np.einsum("fa,fai->fi", answer[3:].reshape(-1, 3), frame)
-        return answer[:3], place, float(((matrix @ answer - target) ** 2).sum())
+        return answer[:3], place, ((matrix @ answer - target) ** 2).sum()
 
 
 def part_of(

@@ -26,7 +26,7 @@ from workbench.plugins.calibration.circles_stage import HARMLESS
 from workbench.plugins.calibration.determinacy import Demand, check_postures, directions
 from workbench.plugins.calibration.fixed_faces import At, Part, part_of
 from workbench.plugins.calibration.model import Noise, View, view_of_points, volume_u
-from workbench.plugins.calibration.profile_lines import MOST_LINES, Marks, Target, marks_of
+from workbench.plugins.calibration.profile_lines import MOST_LINES, Target, marks_of
 from workbench.plugins.calibration.search import located, undetermined
 from workbench.plugins.calibration.suspicions import turned
 from workbench.plugins.calibration.tables import fit_words, noisy, sentence
@@ -96,8 +96,12 @@ def hand_eye_faces(
     marks = marks_of(recording, target, profile_noise_mm, corner_mm)
     noise = Noise(pose_noise_mm, pose_noise_deg)
     search_s = clock_search_s if recording.clock == "own" else 0.0
-    part, frames = _joined(recording, marks, target, noise, sensor_scale_u, search_s)
-    where = f"{recording.source}: /robot"
+    where, place = f"{recording.source}: /robot", f"{recording.source}: /profiles"
+    cause = f": frame {marks.rejected[0].frame}: {marks.rejected[0].cause}" if marks.rejected else ""
+    if not len(marks.frame):
+        raise InputError(place, f"no frame shows the {target.removesuffix('s')}{cause}")
+    part, frames = part_of(recording, marks, target, noise, sensor_scale_u, search_s)
+    check_postures(part.flange.at(0.0), place, part.what, cause)
     x_mm, z_mm = marks.point_mm.reshape(-1, 2).T
     view = view_of_points(x_mm, z_mm, np.array([[*part.middle_mm, 0.0]]))
     demand = Demand(view, max_u_mm, where)
@@ -124,19 +128,6 @@ def hand_eye_faces(
     return _results(recording, part, best, view, verdict, warned, (frames, left_out))
 
 
-def _joined(
-    recording: Recording, marks: Marks, target: Target, noise: Noise, scale_u: float, search_s: float
-) -> tuple[Part, Int]:
-    """The marks with their poses; refused where too few frames show the target."""
-    place = f"{recording.source}: /profiles"
-    cause = f": frame {marks.rejected[0].frame}: {marks.rejected[0].cause}" if marks.rejected else ""
-    if not len(marks.frame):
-        raise InputError(place, f"no frame shows the {target.removesuffix('s')}{cause}")
-    part, frames = part_of(recording, marks, target, noise, scale_u, search_s)
-    check_postures(part.flange.at(0.0), place, part.what, cause)
-    return part, frames
-
-
 def _results(
     recording: Recording,
     part: Part,
@@ -150,11 +141,11 @@ def _results(
     frames, left_out = of_frames
     volume = volume_u(covariance, best.at.pose.rotation, view)
     first = best.covariance.shape[0] - 2 - part.with_offset
-    middle = (float(part.middle_mm[0]), float(part.middle_mm[1]))
+    middle = (part.middle_mm[0], part.middle_mm[1])
     dated = recording.part.recorded_at
     eye = HandEye(frozen(pose), frozen(covariance), recording.source, dated, volume, sensor_middle_mm=middle)
-    clock = (best.at.pose.offset_s, float(np.sqrt(best.covariance[-1, -1]))) if part.with_offset else None
-    residual = float(np.sqrt(np.mean(best.rows.residual[best.used] ** 2)))
+    clock = (best.at.pose.offset_s, np.sqrt(best.covariance[-1, -1])) if part.with_offset else None
+    residual = np.sqrt(np.mean(best.rows.residual[best.used] ** 2))
     more = {
         "sensor_scale_u": np.sqrt(np.diagonal(best.covariance)[first : first + 2]),
         **dict(zip(("time_offset_s", "time_offset_u_s"), clock or (), strict=False)),

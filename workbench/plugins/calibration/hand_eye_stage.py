@@ -238,7 +238,7 @@ def _calibration(
         before = dataclasses.replace(estimate, rotation=design[:3, :3], translation_mm=design[:3, 3])
     used = [frame for frames, good in zip(seen.frames, result.used, strict=True) for frame in frames if good]
     off = estimator.distance(Sphere(seen, noise).rows(estimate), result.used, result.covariance[: SIZE + 2, : SIZE + 2])
-    offset_u = float(np.sqrt(result.covariance[-1, -1])) if with_offset else None
+    offset_u = np.sqrt(result.covariance[-1, -1]) if with_offset else None
     volume = volume_u(covariance, estimate.rotation, view)
     return Calibration(
         part=recording.part,
@@ -249,10 +249,10 @@ def _calibration(
             recording.source,
             recording.part.recorded_at,
             volume,
-            (1.0 + float(sensor.error[0]), 1.0 + float(sensor.error[1])),
-            (float(sensor.middle_mm[0]), float(sensor.middle_mm[1])),
+            (1.0 + sensor.error[0], 1.0 + sensor.error[1]),
+            (sensor.middle_mm[0], sensor.middle_mm[1]),
         ),
-        sensor_scale_u=(float(scale_u[0]), float(scale_u[1])),
+        sensor_scale_u=(scale_u[0], scale_u[1]),
         sphere_center_mm=estimate.center_mm,
         sphere_radius_mm=estimate.radius_mm,
         covariance=frozen(covariance),

@@ -80,8 +80,8 @@ class Estimate:
             translation_mm=self.translation_mm + step[:3],
             rotation=rotation_from_vector(step[3:6]) @ self.rotation,
             center_mm=self.center_mm + step[6:9],
-            radius_mm=self.radius_mm + float(step[9]),
-            offset_s=self.offset_s + (float(step[last]) if len(step) > last else 0.0),
+            radius_mm=self.radius_mm + step[9],
+            offset_s=self.offset_s + (step[last] if len(step) > last else 0.0),
             scale=self.scale + step[SIZE:last],
         )
 
@@ -244,7 +244,7 @@ class Sphere:
         for offset_s in offsets_s.tolist():
             seen = self.seen.place(offset_s)
             for R, center, t, off in zip(rotations, *_places(rotations, seen), strict=True):
-                rough.append((float(off), Estimate(R, t, center, radius_mm, offset_s, seen.scale), seen))
+                rough.append((off, Estimate(R, t, center, radius_mm, offset_s, seen.scale), seen))
         begun = []
         for _, start, seen in sorted(rough, key=lambda one: one[0])[:most]:
             blind = seen.covariance.copy()
@@ -322,7 +322,7 @@ def view_of_points(x_mm: AnyArray, z_mm: AnyArray, circle: Float) -> View:
     low = np.minimum(low, (circle[:, :2] - r).min(axis=0))
     high = np.maximum(high, (circle[:, :2] + r).max(axis=0))
     (x, z), (a, b) = (low + high) / 2, np.maximum((high - low) / 2, LEAST_MM)
-    return View((float(x), float(z)), (float(a), float(b)))
+    return View((x, z), (a, b))
 
 
 def displacements(rotation: Float, view: View) -> Float:

@@ -163,7 +163,7 @@ class Motion:
 
         def derivatives(time_s: Float) -> tuple[Float, Float]:
             x = (time_s - time[0]) / half - 1.0
-            return np.asarray(chebval(x, rate).T), np.asarray(chebval(x, bend).T)
+            return chebval(x, rate).T, chebval(x, bend).T
 
         return middle, derivatives
 
@@ -284,7 +284,7 @@ def _agreeing(circle: Float, covariance: Float) -> Bool:
         return np.ones(len(circle), bool)
     off = circle - np.median(circle, axis=0)
     distance = np.einsum("ki,kij,kj->k", off, np.linalg.inv(2 * covariance), off)
-    spread = max(1.0, float(np.median(distance)) / 2.4)  # 2.4: the median of chi-square with 3 degrees of freedom
+    spread = max(1.0, np.median(distance) / 2.4)  # 2.4: the median of chi-square with 3 degrees of freedom
     return np.asarray(distance < REPEAT_GATE * spread)
 
 

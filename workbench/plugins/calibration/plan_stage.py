@@ -20,7 +20,6 @@ from workbench.api import (
     Float,
     InputError,
     InputFile,
-    Int,
     Recording,
     Seed,
     frozen,
@@ -93,20 +92,15 @@ def determinant(information: Float) -> Float:
     return np.asarray(np.linalg.slogdet(information)[1] - np.linalg.slogdet(rest)[1])
 
 
-def chosen_postures(gain: Float, start: Float, count: int) -> Int:
-    """Indices (count,) of the postures that together add most to `start` (10, 10), the most useful first."""
+def chosen_postures(gain: Float, start: Float, count: int, exchanges: int) -> list[int]:
+    """`count` postures that together add most to `start` (10, 10), in the order in which they were chosen."""
 
-    def of(gain: Float, exchanges: int) -> list[int]:
-        return chosen(lambda taken: _best(gain, start, taken), lambda taken: len(taken) == count, exchanges)
+    def best(taken: list[int]) -> int:
+        score = determinant(start + gain[taken].sum(axis=0) + gain)
+        score[taken] = -np.inf
+        return int(score.argmax())
 
-    found = np.array(of(gain, EXCHANGES))
-    return found[of(gain[found], 0)]
-
-
-def _best(gain: Float, start: Float, taken: list[int]) -> int:
-    score = determinant(start + gain[taken].sum(axis=0) + gain)
-    score[taken] = -np.inf
-    return int(score.argmax())
+    return chosen(best, lambda taken: len(taken) == count, exchanges)
 
 
 def _to_limit(rng: np.random.Generator, count: int) -> Float:
@@ -174,10 +168,21 @@ def plan(
     known = Sphere(seen, noise).rows(estimate).normal().information
     flange, centre = candidate_postures(mean @ estimate.rotation, *limits, estimate, np.random.default_rng(seed))
     if cell is not None:
-        reached = _reached(cell, flange)
+        from workbench.api import inverse_kinematics, read_cell, within_limits
+
+        chain = read_cell(cell).chain
+        joints = within_limits(chain, inverse_kinematics(chain, flange))
+        reached = np.isfinite(joints).all(axis=-1).any(axis=-1)
+        if reached.sum() < FEW:
+            raise InputError(
+                str(cell),
+                f"the robot reaches {reached.sum()} of {len(flange)} postures within the limits of "
+                "the plan: widen cone_deg or roll_deg, or move the sphere",
+            )
         flange, centre = flange[reached], centre[reached]
     gain = information_gains(flange, centre, estimate, noise, profiles)
-    which = chosen_postures(gain, known, postures)
+    together = np.array(chosen_postures(gain, known, postures, EXCHANGES))
+    which = together[chosen_postures(gain[together], known, postures, 0)]  # the most useful first
     weight = volume_weight(estimate.rotation, calibration.view)
     totals = known + np.concatenate([np.zeros((1, 10, 10)), np.cumsum(gain[which], axis=0)])
     volume = np.sqrt(np.einsum("ij,kji->k", weight, np.linalg.inv(totals)[:, :POSE, :POSE]))
@@ -194,36 +199,15 @@ def plan(
 
 def estimate_of(calibration: Calibration) -> Estimate:
     """The calibration as a point in the space of unknowns."""
-    pose = calibration.hand_eye.flange_from_profiler
-    return Estimate(
-        pose[:3, :3],
-        pose[:3, 3],
-        calibration.sphere_center_mm,
-        calibration.sphere_radius_mm,
-        calibration.time_offset_s or 0.0,
-    )
+    pose, center_mm = calibration.hand_eye.flange_from_profiler, calibration.sphere_center_mm
+    offset_s = calibration.time_offset_s or 0.0
+    return Estimate(pose[:3, :3], pose[:3, 3], center_mm, calibration.sphere_radius_mm, offset_s)
 
 
 def seen_again(calibration: Calibration, profiles: SphereProfiles, recording: Recording) -> Observations:
     """Circles joined with the flange's poses, by the scales and the clock that the calibration has found."""
     seen = by_pass(rescaled(profiles, recording, sensor_of(calibration.hand_eye)), recording)
     return seen.place(calibration.time_offset_s or 0.0)
-
-
-def _reached(cell: InputFile, flange: Float) -> Float:
-    """Which flange poses (c, 4, 4) the cell's robot reaches within its joint limits."""
-    from workbench.api import inverse_kinematics, read_cell, within_limits
-
-    chain = read_cell(cell).chain
-    joints = within_limits(chain, inverse_kinematics(chain, flange))
-    reached = np.isfinite(joints).all(axis=-1).any(axis=-1)
-    if reached.sum() < FEW:
-        raise InputError(
-            str(cell),
-            f"the robot reaches {reached.sum()} of {len(flange)} postures within the limits of "
-            "the plan: widen cone_deg or roll_deg, or move the sphere",
-        )
-    return np.asarray(reached)
 
 
 def _table(found: PosturePlan) -> Document:

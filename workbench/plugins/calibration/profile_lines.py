@@ -98,15 +98,15 @@ def _line(xz: Float, noise_mm: float) -> _Line | str:
         direction = np.linalg.svd(xz[near] - middle, full_matrices=False)[2][0]
         direction = direction * np.sign(direction @ (xz[-1] - xz[0]))
         off = (xz - middle) @ np.array([-direction[1], direction[0]])
-        scale = max(noise_mm, TO_SD * float(np.median(np.abs(off[near]))))
+        scale = max(noise_mm, TO_SD * np.median(np.abs(off[near])))
         near = np.abs(off) <= FAR * scale
         if near.sum() < max(LEAST_POINTS, MOST_STRAY * len(xz)):
             return "the points beside the corner lie on no straight line"
     along, off = (xz[near] - middle) @ direction, off[near]
-    rms = max(noise_mm, float(np.sqrt(np.mean(off**2))))
-    if rms > max(3.0 * noise_mm, STRAIGHT * float(np.ptp(along))):
+    rms = max(noise_mm, np.sqrt(np.mean(off**2)))
+    if rms > max(3.0 * noise_mm, STRAIGHT * np.ptp(along)):
         return f"no straight line: its points lie {rms:.3f} mm (rms) off, over {np.ptp(along):.1f} mm"
-    alike = float(np.clip((off[1:] @ off[:-1]) / max(float(off @ off), 1e-30), 0.0, MOST_CORRELATION))
+    alike = np.clip((off[1:] @ off[:-1]) / max(off @ off, 1e-30), 0.0, MOST_CORRELATION)
     variance = rms**2 * (1 + alike) / (1 - alike) / len(along)
     normal = np.array([-direction[1], direction[0]])
     ends = middle + np.outer([-1.0, 1.0], along.std() * direction)

@@ -229,7 +229,7 @@ def centres_picture(calibration: Calibration) -> bytes:
     for row, (name, centre, colour) in zip(grid, sets, strict=True):
         mean = centre[used].mean(axis=0)
         off = centre - mean
-        reach = 1.25 * max(float(np.abs(off[used]).max()), 1e-3)  # one scale for the row
+        reach = 1.25 * max(np.abs(off[used]).max(), 1e-3)  # one scale for the row
         ticks = plot.nice_ticks((-reach, reach), MOST_TICKS)
         for axes, (a, b) in zip(row, ((0, 1), (0, 2), (1, 2)), strict=True):
             axes.axhline(0.0, color=pieces.PALE, linewidth=0.7)
@@ -246,7 +246,7 @@ def centres_picture(calibration: Calibration) -> bytes:
 
 def residuals_picture(calibration: Calibration) -> bytes:
     """How far each posture lies from the fit of the others, in standard deviations."""
-    count, highest = len(calibration.distance), min(12.5, max(4.0, 1.1 * float(calibration.distance.max())))
+    count, highest = len(calibration.distance), min(12.5, max(4.0, 1.1 * calibration.distance.max()))
     figure = plot.Figure((10.0, 2.6))
     (axes,) = figure.subplots()
     for number, (off, used) in enumerate(zip(calibration.distance, calibration.used, strict=True), 1):

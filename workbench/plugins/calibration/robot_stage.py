@@ -173,7 +173,7 @@ def robot(
     demand.refuse(too_open(covariance[:6, :6], estimate, demand, lambda: cause))
     u, rms = volume_u(covariance[:6, :6], estimate.rotation, view), rms_mm(found.rows.residual[kept, :2])
     slope = found.rows.jacobian[kept, :2]
-    place_u2 = float(np.einsum("nij,jk,nik->ni", slope, covariance, slope).mean())
+    place_u2 = np.einsum("nij,jk,nik->ni", slope, covariance, slope).mean()
     seen_u = math.sqrt(place_u2 + rms**2 / 2.0)
     verdict = enough(seen_u, bevel_deg, root_tolerance_mm, "the profiler on the corrected robot", "add postures")
     warnings = tuple(left_out.values()) + noisy(found, "the sphere's places", "did it move, does the robot repeat?")

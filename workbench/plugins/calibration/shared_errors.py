@@ -71,7 +71,7 @@ def settled(found: estimator.Fit[Estimate], sphere: Sphere) -> Settled:
     beyond = bool(found.freedom > 0 and scipy.special.chdtrc(found.freedom, found.chi2) < NO_CHANCE)
     noise = sphere.noise
     for _ in range(MATCHED if beyond else 0):  # profiles keep their due weight
-        noise = noise.times(float(np.clip(np.sqrt(found.misfit), 0.3, 10.0)))
+        noise = noise.times(np.clip(np.sqrt(found.misfit), 0.3, 10.0))
         found = estimator.sound(sphere.noisy(noise), found.at)
         if abs(found.misfit - 1.0) < 0.02:
             break
@@ -128,8 +128,8 @@ class _Scans:
         self.with_offset = isinstance(sphere.flange, Timed)
 
     def noise(self, whole: float, own: float) -> Noise:
-        total = float(np.hypot(whole, own))
-        return replace(self.stated.times(total), common=float(whole / total) ** 2)
+        total = np.hypot(whole, own)
+        return replace(self.stated.times(total), common=(whole / total) ** 2)
 
     def by(self, whole: float, own: float) -> estimator.Normal:
         noise = self.noise(whole, own)
@@ -172,7 +172,7 @@ def correlated(found: Settled, seen: Observations, noise: Noise) -> tuple[Settle
         log[0] += np.log(len(LENGTHS_RAD))  # no amplitude stands for all lengths
         mixture = _Mixture(parts, log)
         estimate = estimate.moved(mixture.step)
-    size_mm = float(np.sqrt(mixture.weights @ amplitude**2))
+    size_mm = np.sqrt(mixture.weights @ amplitude**2)
     return replace(found, estimate=estimate, covariance=mixture.covariance, used=lenient.used), size_mm
 
 

@@ -15,6 +15,7 @@ from workbench.api import (
     Document,
     Float,
     InputError,
+    Int,
     Part,
     RobotFile,
     ToolFile,
@@ -146,6 +147,12 @@ def sentence(words: str) -> str:
 def fit_words(found: estimator.Fit[Any]) -> str:
     """How well a fit agrees with its noise, for the report."""
     return f"Chi-square over degrees of freedom {found.misfit:.2f} on {found.freedom}."
+
+
+def by_point(change: Float, which: Int, count: int) -> Float:
+    """Columns (n, d, 3 count) of points, of which an observation shows one, `which` (n,), by its change (n, d, 3)."""
+    columns = np.einsum("ndj,nk->ndkj", change, np.eye(count)[which])
+    return np.reshape(columns, (*change.shape[:2], -1))
 
 
 def turned_noise(lever: Float, sigma_mm: float, sigma: float) -> Float:

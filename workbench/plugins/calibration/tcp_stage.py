@@ -32,6 +32,7 @@ from workbench.api import (
 from workbench.plugins.calibration.scanned import LEAST_POSTURES, UNSAID, UNUSED, Scanner
 from workbench.plugins.calibration.tables import (
     POSE,
+    by_point,
     check_misfit,
     enough,
     fit_words,
@@ -145,8 +146,7 @@ def tcp(
     names, t = every.tool_names, 3 * len(every.tool_names)
     place, spread = found.at.reshape(-1, 3), found.covariance[:t, :t]
     of = [spread[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] for k in range(len(names))]
-    _check_reach(place, names, least_reach_mm, str(touches))
-    _check_sense(place, len(names), str(touches))
+    exchanged = _check_places(place, names, least_reach_mm, str(touches))
     apart = noisy(found, "the touches", "is the tool loose, a pose or its unit wrong, the robot less accurate?")
     widest, ask = [estimator.worst(one) for one in of], apart or ("turn the flange about axes across that direction",)
     for name, worst in zip(names, widest, strict=True):
@@ -160,7 +160,7 @@ def tcp(
         "touch in more orientations, or with less noise",
         but=[UNSAID] if believed else (),
     )
-    warnings = tuple(left_out.values()) + apart + believed + _tip_nearest(place, names)
+    warnings = tuple(left_out.values()) + apart + believed + exchanged
     document = {
         "frame": "flange",
         "points": [
@@ -191,11 +191,10 @@ def with_scanned(touches: Touches, path: InputFile, scanner: Scanner) -> Touches
     for name in names:
         if name not in every:
             raise InputError(str(path), f"'{name}' is no reference of the touches{nearest(name, every)}")
-    order = sorted(range(len(names)), key=lambda k: every.index(names[k]))
-    lines = [f"{path}: line {table.lines[int((which == k).argmax())]}" for k in order]
-    places = scanner.places([passes[which == k] for k in order], lines)
-    known_mm, moved = np.full_like(touches.known_mm, np.nan), places.shared.reshape(3 * len(order), -1)
-    known_mm[[every.index(names[k]) for k in order]] = places.center_mm
+    shown = {k: which == names.index(name) for k, name in enumerate(every) if name in names}
+    places = scanner.places([passes[rows] for rows in shown.values()], [table.place(rows) for rows in shown.values()])
+    known_mm, moved = np.full_like(touches.known_mm, np.nan), places.shared.reshape(3 * len(shown), -1)
+    known_mm[list(shown)] = places.center_mm
     covariance = scipy.linalg.block_diag(*places.covariance) + moved @ moved.T
     return replace(touches, known_mm=known_mm, known_covariance=covariance)
 
@@ -218,7 +217,7 @@ def read_touches(path: InputFile, reference_u_mm: float) -> Touches:
     shared = reference_u_mm**2 * np.kron(np.ones((count, count)), np.eye(3)) + ALONE_MM**2 * np.eye(3 * count)
     beside = table.numbers((STAND_OFF,), blank=True)[:, 0]
     if (beside < 0.0).any():
-        raise InputError(f"{path}: line {table.lines[int((beside < 0.0).argmax())]}: {STAND_OFF}", "expected 0 or more")
+        raise InputError(f"{table.place(beside < 0.0)}: {STAND_OFF}", "expected 0 or more")
     return Touches(
         poses(table)[:, :3], tool, reference, tools, references, measured, shared, beside, tuple(table.lines)
     )
@@ -246,10 +245,9 @@ class _Touching:
         self.rotation, self.position = touches.base_from_flange[:, :, :3], touches.base_from_flange[:, :, 3]
         self.tool_point, self.noise = touches.tool_point, noise
         n, tools, refs = len(self.rotation), len(touches.tool_names), len(touches.reference_names)
-        which, by = np.arange(n)[:, None], np.arange(3)
-        self.slope = np.zeros((n, 3, 3 * (tools + refs)))
-        self.slope[which, :, 3 * touches.tool_point[:, None] + by] = self.rotation.mT
-        self.slope[which, by, 3 * (tools + touches.reference[:, None]) + by] = -1.0
+        of_tool = by_point(self.rotation, touches.tool_point, tools)
+        of_reference = by_point(np.tile(-np.eye(3), (n, 1, 1)), touches.reference, refs)
+        self.slope = np.concatenate([of_tool, of_reference], axis=2)
         self.offset = np.zeros((n, 3)) if beside is None else beside
         self.ball_mm = touches.beside_mm if beside is None else np.zeros(n)
         turn = np.arccos(np.clip((np.einsum("nij,mij->nm", self.rotation, self.rotation) - 1.0) / 2.0, -1.0, 1.0))
@@ -257,11 +255,10 @@ class _Touching:
         ball = touches.beside_mm > 0.0  # round a ball the flange need not turn
         turn = turn + np.divide(nearby, touches.beside_mm, out=np.zeros_like(turn), where=ball)
         self.alike = estimator.alike(touches.tool_point * refs + touches.reference, turn, SAME_POSTURE)
-        known = np.isfinite(touches.known_mm).all(axis=1)
-        held = np.flatnonzero(np.r_[np.zeros(3 * tools, bool), np.repeat(known, 3)])
-        self.prior, self.expected = np.zeros((self.slope.shape[2],) * 2), np.zeros(self.slope.shape[2])
+        held = 3 * tools + np.flatnonzero(np.isfinite(touches.known_mm))
+        self.prior = np.zeros((self.slope.shape[2],) * 2)
         self.prior[np.ix_(held, held)] = np.linalg.inv(touches.known_covariance)
-        self.expected[held] = touches.known_mm[known].ravel()
+        self.expected = np.append(np.zeros(3 * tools), np.nan_to_num(touches.known_mm))
 
     def rows(self, x: Float) -> estimator.Rows:
         """Residuals from where the tool point should be: of a ball, its nearest place, with any other as good."""
@@ -298,36 +295,32 @@ def _begun(touches: Touches, noise: tuple[float, float]) -> Float:
     return other.at if other.misfit < FAR_BETTER * pressed.misfit else pressed.at
 
 
-def _check_reach(place: Float, names: tuple[str, ...], least_mm: float, where: str) -> None:
-    for name, point in zip(names, place, strict=False):
-        if (reach := float(np.linalg.norm(point))) < least_mm:
+def _check_places(place: Float, names: tuple[str, ...], least_mm: float, where: str) -> tuple[str, ...]:
+    """Refuse a tool as flat as the flange, or as long as inverted poses make it: they fit as well.
+
+    A warning where the tip is no farther from the flange than the point from which the axis comes.
+    """
+    away = np.linalg.norm(place, axis=1)
+    reach, reference = away[: len(names)], away[len(names) :].min()
+    for name, one in zip(names, reach, strict=True):
+        if one < least_mm:
             raise InputError(
                 where,
-                f"the tool point '{name}' would lie {reach:.3g} mm from the flange's middle, expected {least_mm:g} mm "
+                f"the tool point '{name}' would lie {one:.3g} mm from the flange's middle, expected {least_mm:g} mm "
                 "or more (least_reach_mm): are positions in mm, and the flange's?",
             )
-
-
-def _check_sense(place: Float, tools: int, where: str) -> None:
-    """Inverted poses fit as well: tool points and references, flange and base change their places."""
-    tool, reference = (float(np.linalg.norm(one, axis=1).min()) for one in (place[:tools], place[tools:]))
-    if tool > reference:
+    if reach.min() > reference:
         raise InputError(
             where,
-            f"the tool would reach {tool:.0f} mm from the flange, to a reference only {reference:.0f} mm from the "
-            "robot's base: are the poses inverted (flange_from_base), or in a frame at the reference, not the base's? "
-            "A tool as long as that needs a reference farther from the base.",
+            f"the tool would reach {reach.min():.0f} mm from the flange, to a reference only {reference:.0f} mm from "
+            "the robot's base: are the poses inverted (flange_from_base), or in a frame at the reference, not the "
+            "base's? A tool as long as that needs a reference farther from the base.",
         )
-
-
-def _tip_nearest(place: Float, names: tuple[str, ...]) -> tuple[str, ...]:
-    """A warning where the tip is no farther from the flange than the point from which the axis comes."""
-    tip, last = (float(np.linalg.norm(place[k])) for k in (0, len(names) - 1))
-    if len(names) < 2 or tip > last:
+    if len(names) < 2 or reach[0] > reach[-1]:
         return ()
     return (
-        f"the tip '{names[0]}', the table's first tool point, lies nearer to the flange ({tip:.0f} mm) than "
-        f"'{names[-1]}' ({last:.0f} mm): is the table's order, or a name, exchanged?",
+        f"the tip '{names[0]}', the table's first tool point, lies nearer to the flange ({reach[0]:.0f} mm) than "
+        f"'{names[-1]}' ({reach[-1]:.0f} mm): is the table's order, or a name, exchanged?",
     )
 
 
@@ -336,7 +329,7 @@ def _axis(place: Float, covariance: Float, names: tuple[str, ...]) -> dict[str, 
     if len(names) < 2:
         return None
     apart = place[0] - place[len(names) - 1]
-    length = float(np.linalg.norm(apart))
+    length = np.linalg.norm(apart)
     if length < 1.0:
         raise InputError("touches", f"expected tool points 1 mm or more apart for the axis, found {length:.3f} mm")
     pick = np.zeros((3, len(covariance)))

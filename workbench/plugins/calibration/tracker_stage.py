@@ -35,7 +35,17 @@ from workbench.plugins.calibration.arm_errors import (
 )
 from workbench.plugins.calibration.model import cross_matrix
 from workbench.plugins.calibration.observations import posture_of
-from workbench.plugins.calibration.tables import JOINTS, POSE, check_misfit, enough, fit_words, noisy, poses, told
+from workbench.plugins.calibration.tables import (
+    JOINTS,
+    POSE,
+    by_point,
+    check_misfit,
+    enough,
+    fit_words,
+    noisy,
+    poses,
+    told,
+)
 from workbench.plugins.csv_table import Table
 from workbench.plugins.ranges import BevelDeg, Deviation, LengthMm, NoiseDeg, NoiseMm, ToleranceMm
 
@@ -96,10 +106,9 @@ class Tracking:
         frame, turn, point = at.tracker_from_base[:3, :3], flange[:, :3, :3], at.target_mm[seen.target]
         beyond = (np.einsum("nij,nj->ni", turn, point) + flange[:, :3, 3]) @ frame.T
         by_pose = frame @ np.concatenate([np.tile(np.eye(3), (n, 1, 1)), -turn @ cross_matrix(point)], axis=2)
-        slope, none = np.zeros((n, 3, size)), np.zeros((size, size))
-        slope[:, :, :3], slope[:, :, 3:6] = np.eye(3), -cross_matrix(beyond)
-        column = 6 + 3 * seen.target[:, None] + np.arange(3)
-        slope[np.arange(n)[:, None], :, column] = (frame @ turn).mT
+        moves = np.tile(np.eye(3), (n, 1, 1)), -cross_matrix(beyond)
+        columns, none = (*moves, by_point(frame @ turn, seen.target, len(seen.targets))), np.zeros((size, size))
+        slope = np.concatenate(columns, axis=2)
         own, alone, values = by_pose * self.spread, np.tile(self.alone, (n, 1, 1)), np.full(n, 3.0)
         residual = seen.place_mm - beyond - at.tracker_from_base[:3, 3]
         places = estimator.Rows.posed(residual, slope, alone, own, self.posture, values, none, none[0])
@@ -171,7 +180,7 @@ def tracker(
     start = tracking.begun()
     found, left_out = estimator.without_blunders(tracking, start, labels)
     residual, count = found.rows.residual[found.used], len(every.targets)
-    rms = float(np.sqrt(np.mean(residual**2)))
+    rms = np.sqrt(np.mean(residual**2))
     if not rms <= MOST_MM:
         raise InputError(
             where,
@@ -184,7 +193,7 @@ def tracker(
     ).rows.residual[found.used]
     slope, covariance = found.rows.jacobian[found.used], found.covariance
     predicted = np.einsum("nij,jk,nik->ni", slope, covariance, slope).mean()
-    u = float(np.sqrt(predicted + max(rms**2 - tracker_noise_mm**2, 0.0)))
+    u = np.sqrt(predicted + max(rms**2 - tracker_noise_mm**2, 0.0))
     verdict = enough(u, bevel_deg, root_tolerance_mm, "the robot", "estimate tilts too, or calibrate where it works")
     warnings = tuple(left_out.values()) + noisy(found, "the readings", "does the robot repeat, is a target loose?")
     warnings += _not_as_built(arm, found.at.errors)
@@ -199,7 +208,7 @@ def tracker(
             }
             for k, name in enumerate(every.targets)
         ],
-        "residual_rms_as_built_mm": float(np.sqrt(np.mean(built**2))),
+        "residual_rms_as_built_mm": np.sqrt(np.mean(built**2)),
         "residual_rms_mm": rms,
         "u_mm": u,
         "readings": len(residual),

@@ -34,6 +34,7 @@ from workbench.api import (
 )
 from workbench.plugins.calibration.scanned import UNSAID, UNUSED, Places, Scanner
 from workbench.plugins.calibration.tables import (
+    by_point,
     check_misfit,
     enough,
     fit_words,
@@ -118,12 +119,13 @@ class _Turning:
         n, size = len(self.alike), 7 + 3 * self.marks.markers
         alone = self.marks.places.covariance * self.alike[:, None, None]
         sway = self.angle_noise * self.sway(at)[..., None]
-        slope, prior = np.zeros((n, 3, size)), np.zeros((size, size))
-        slope[:, :, :2] = at.frame[:2].T
-        slope[:, :, 2:4] = estimator.jacobian_of(lambda turn: self.predicted(_turned(at, turn)), np.full(2, STEP))
-        slope[:, :, 4:7] = self.time[:, None, None] * np.eye(3)
-        column = 7 + 3 * self.marks.marker[:, None] + np.arange(3)
-        slope[np.arange(n)[:, None], :, column] = self.turned(at).mT
+        columns = (
+            np.tile(at.frame[:2].T, (n, 1, 1)),
+            estimator.jacobian_of(lambda turn: self.predicted(_turned(at, turn)), np.full(2, STEP)),
+            self.time[:, None, None] * np.eye(3),
+            by_point(self.turned(at), self.marks.marker, self.marks.markers),
+        )
+        slope, prior = np.concatenate(columns, axis=2), np.zeros((size, size))
         prior[4:7, 4:7] = np.linalg.inv(self.drift**2 * self.marks.places.covariance.mean(axis=0))
         away = np.zeros(size)
         away[4:7] = -at.drift_mm
@@ -317,7 +319,7 @@ def read_marks(path: InputFile, noise_mm: float, scanner: Scanner | None) -> Mar
 
 
 def _check_count(marks: Marks, alike: Float, where: str) -> None:
-    if round(3.0 * float((1.0 / alike).sum())) < 4 + 3 * marks.markers:
+    if round(3.0 * (1.0 / alike).sum()) < 4 + 3 * marks.markers:
         raise InputError(
             where,
             f"{len(marks.lines)} points of {marks.markers} markers leave the axis open: measure "
@@ -336,7 +338,7 @@ def _check_angles(scale: float, scale_u: float, where: str) -> None:
 
 def worst(axis: Axis, covariance: Float, points_mm: Float, reach_mm: float) -> tuple[float, Float]:
     """Greatest standard uncertainty of the axis' place over its reach about points (n, 3), and its direction (3,)."""
-    middle = float(((points_mm - axis.point_mm) @ axis.frame[2]).mean())
+    middle = ((points_mm - axis.point_mm) @ axis.frame[2]).mean()
     ends = [np.concatenate([np.eye(2), along * np.eye(2)], axis=1) for along in (middle - reach_mm, middle + reach_mm)]
     u, way = max((estimator.worst(at @ covariance @ at.T) for at in ends), key=lambda one: one[0])
     return u, way @ axis.frame[:2]

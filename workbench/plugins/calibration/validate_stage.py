@@ -24,6 +24,7 @@ from workbench.plugins.calibration.model import Estimate, Noise, Sphere, by_circ
 from workbench.plugins.calibration.observations import Observations
 from workbench.plugins.calibration.plan_stage import estimate_of, seen_again
 from workbench.plugins.calibration.scanned import start_center
+from workbench.plugins.calibration.tables import rms_mm
 from workbench.plugins.calibration.values import Calibration, SphereProfiles, Validation
 
 # Postures that a calibration is not made from: left out in turn, or a second recording.
@@ -40,7 +41,7 @@ class HeldOut(NamedTuple):
 
 
 def each_held_out(estimate: Estimate, seen: Observations, noise: Noise, source: str) -> HeldOut:
-    """Each posture, and each scan as a whole, predicted from a fit of all the others."""
+    """Each posture, and each scan as a whole, predicted from a fit of all the others; chi-square with correlations."""
     scans = [scan.rows for scan in seen.here.scans]
     passes = [*np.setdiff1d(np.arange(len(seen)), np.concatenate([[], *scans]))[:, None].astype(int), *scans]
     if len(passes) <= MIN_POSTURES:
@@ -48,19 +49,17 @@ def each_held_out(estimate: Estimate, seen: Observations, noise: Noise, source: 
             f"{source}: /robot",
             f"{len(passes)} postures are too few to hold 1 out: expected {MIN_POSTURES} others at least",
         )
-    outs = [np.isin(np.arange(len(seen)), one) for one in passes]
-    each = [_predicted(estimator.fit(Sphere(seen, noise), estimate, ~out), seen.subset(out), noise) for out in outs]
+    each = []
+    for one in passes:
+        out = np.isin(np.arange(len(seen)), one)
+        fitted, held = estimator.fit(Sphere(seen, noise), estimate, ~out), Sphere(seen.subset(out), noise)
+        rows = held.rows(fitted.at)
+        normal = replace(rows, prior=fitted.information, away=0.0 * rows.away).normal()  # the others are what is known
+        chi2 = normal.chi2 - float(normal.side @ normal.step())
+        each.append(_held_out(held, fitted.at, fitted.inverse, chi2, rows.residual.size))
     order = np.argsort(np.concatenate(passes))
     residual, covariance, y = (np.concatenate(part)[order] for part in list(zip(*each, strict=True))[:3])
     return HeldOut(residual, covariance, y, sum(one.chi2 for one in each), 3 * len(seen))
-
-
-def _predicted(fitted: estimator.Fit[Estimate], out: Observations, noise: Noise) -> HeldOut:
-    """Held-out postures by a fit to others; chi-square with all correlations."""
-    rows = Sphere(out, noise).rows(fitted.at)
-    normal = replace(rows, prior=fitted.information, away=0.0 * rows.away).normal()  # the others are what is known
-    chi2 = normal.chi2 - float(normal.side @ normal.step())
-    return _held_out(Sphere(out, noise), fitted.at, fitted.inverse, chi2, rows.residual.size)
 
 
 def _held_out(sphere: Sphere, at: Estimate, spread: Float, chi2: float, freedom: int) -> HeldOut:
@@ -123,27 +122,22 @@ def validate(
     else:
         how = f"a second recording, {recording.source}"
         held = second_recording(calibration, estimate, seen, noise, recording.source)
-    found = _validation(how, seen, held)
-    return found, _document(found, recording.part)
-
-
-def _validation(how: str, seen: Observations, held: HeldOut) -> Validation:
-    """In mm along the profiler's axes; w tells y where the centre is off the plane."""
     y = np.where(np.abs(held.y_mm) > NEAR_EQUATOR * np.abs(held.y_mm).max(), held.y_mm, np.nan)
-    change = by_circle(y)
+    change = by_circle(y)  # to mm along the profiler's axes; w tells y where the centre is off the plane
     error = np.einsum("kij,kj->ki", change, np.nan_to_num(held.residual))
     variance = np.einsum("kij,kjl,kil->ki", change, held.covariance, change)
     error[np.isnan(y), 1] = np.nan
-    return Validation(
+    found = Validation(
         how=how,
         frames=seen.frames,
         error_mm=frozen(error),
         u_mm=frozen(np.sqrt(variance)),
-        rms_mm=float(np.sqrt(np.mean(np.sum(error[:, ::2] ** 2, axis=1)))),
-        expected_mm=float(np.sqrt(np.mean(np.sum(variance[:, ::2], axis=1)))),
+        rms_mm=rms_mm(error[:, ::2]),
+        expected_mm=np.sqrt(np.mean(np.sum(variance[:, ::2], axis=1))),
         misfit=held.chi2 / held.freedom,
         freedom=held.freedom,
     )
+    return found, _document(found, recording.part)
 
 
 def _document(found: Validation, part: Part) -> Document:

@@ -111,7 +111,7 @@ def serves(
 
     tolerances: of the root face (mm) and of the bevel angle (deg); words: what it is, and what to do else.
     """
-    turn_u_deg = math.sqrt(float(np.linalg.eigvalsh(covariance[3:, 3:])[-1])) / DEG
+    turn_u_deg = math.sqrt(np.linalg.eigvalsh(covariance[3:, 3:])[-1]) / DEG
     return enough(
         place_u(covariance, rotation, view), bevel_deg, tolerances[0], *words, turn=(turn_u_deg, tolerances[1])
     )

@@ -114,7 +114,7 @@ class Arm:
 
     def _branch(self, branch: int) -> Branch:
         """A branch as the kernels take it; the elbow's side turns with the sense of axis 3."""
-        springs = tuple(1e3 * float(k) for k in self.springs)  # N mm/rad
+        springs = tuple(1e3 * k for k in self.springs)  # N mm/rad
         shoulder, elbow = divmod(branch, 2)
         return Branch(self.lengths, self.limits, springs, 1.0 - 2.0 * shoulder, (2.0 * elbow - 1.0) * self.lengths[9])
 
@@ -148,7 +148,7 @@ def fast_arm(chain: Chain, springs: Float = NO_SPRINGS) -> Arm:
     u, f = complex(upper[2], upper[0]), complex(fore[2], fore[0])
     g = complex(h4[2], h4[0]) * f.conjugate() / abs(f) ** 2
     bend = np.arctan2(np.cross(h[3], h[5]) @ h[4], h[3] @ h[5])
-    senses = [float(np.sign(h[j] @ h[1])) for j in (2, 4)]
+    senses = [np.sign(h[j] @ h[1]) for j in (2, 4)]
     lengths = [at[0, 1], at[2, 1], at[1, 6], u.real, u.imag, f.real, f.imag, g.real, g.imag, *senses]
     flange = chain.base_from_flange_at_zero
     limits = chain.limits[:5].copy()
@@ -159,8 +159,8 @@ def fast_arm(chain: Chain, springs: Float = NO_SPRINGS) -> Arm:
         flange[:3, :3].T @ (centre - flange[:3, 3]),
         flange[:3, :3].T @ h[5],
         flange[:3, :3].T @ h[4],
-        float(bend),
-        tuple(float(length) for length in lengths),
+        bend,
+        tuple(length for length in lengths),
         windows,
         springs,
     )
@@ -169,7 +169,7 @@ def fast_arm(chain: Chain, springs: Float = NO_SPRINGS) -> Arm:
 def _window(low: float, high: float) -> tuple[float, float, float]:
     """An angle q lies between the limits where cos(q - middle) is at least the third number."""
     middle, half = (low + high) / 2, (high - low) / 2
-    return float(np.cos(middle)), float(np.sin(middle)), float(np.cos(half)) - 1e-12 if half < np.pi else -2.0
+    return np.cos(middle), np.sin(middle), np.cos(half) - 1e-12 if half < np.pi else -2.0
 
 
 # Any arm that has an inverse: slower, by joint angles instead of algebra. Configurations are told apart by the three

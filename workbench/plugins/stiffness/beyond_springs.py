@@ -135,10 +135,10 @@ def _give(loading: Loading, found: estimator.Fit[Float], links: Bool, noise2: fl
         rows = replace(rows, residual=rows.residual / np.sqrt(noise2), jacobian=rows.jacobian / np.sqrt(noise2))
         return rows.only(found.used).normal().restricted - float(np.log(u).sum())
 
-    least = float(loading.u[links][0])
+    least = loading.u[links][0]
     tried = np.geomspace(least, max(100.0, 2.0 * least), 12)[1:]
     most = int(np.argmax(every := [likelihood(give) for give in tried]))
-    return float(tried[most]) if every[most] - likelihood(least) > 0.5 * SURE_SIGMAS**2 else 0.0
+    return tried[most] if every[most] - likelihood(least) > 0.5 * SURE_SIGMAS**2 else 0.0
 
 
 def _lack(
@@ -155,8 +155,8 @@ def _lack(
     repeated, noise2, linear = _repeated(tests, loading, found)
     sure = estimator.standard_u(found.inverse)
     held = 1.0 - sure[6:] ** 2 * loading.u**-2.0  # of each cause, by the loads
-    freedom = linear - 6 - float(held.sum())
-    lacking = float(found.rows.only(found.used).product(residual)[0, 0]) - repeated
+    freedom = linear - 6 - held.sum()
+    lacking = found.rows.only(found.used).product(residual)[0, 0] - repeated
     chance = freedom < 1 or lacking < noise2 * scipy.special.chdtri(freedom, CHANCE)
     words = [
         f"{causes[k].words.format(f'{found.at[6 + k]:+.3g}')} (± {sure[6 + k]:.2g}, {loading_u:.2g} was allowed for)"
@@ -168,7 +168,7 @@ def _lack(
     bias = np.abs(found.inverse[:6, 6:]) * loading.u**-2.0
     return LackOfFit(
         "; ".join([*words, *more]),
-        np.asarray(found.at[:6] - first),
+        found.at[:6] - first,
         1.0 if chance else lacking / freedom,
         _hidden(causes, found, bias.T, loading.u),
     )
@@ -214,7 +214,7 @@ def _repeated(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]
         linear = np.einsum("nb,np,ij->nibpj", wrench[here], of_point[here], np.eye(residual.shape[1]))
         columns = np.concatenate([linear.reshape(*residual.shape, -1), residual[..., None]], axis=2)
         joined = found.rows.only(here).product(columns)
-        normal = estimator.Normal(joined[:-1, :-1], joined[:-1, -1], float(joined[-1, -1]), 0.0)
+        normal = estimator.Normal(joined[:-1, :-1], joined[:-1, -1], joined[-1, -1], 0.0)
         size = np.sqrt(np.maximum(np.diagonal(normal.information), 1e-12))
         chi2 += normal.chi2 - float(normal.side @ normal.step())
         rank += int(np.linalg.matrix_rank(normal.information / np.outer(size, size), RANK, hermitian=True))
@@ -234,14 +234,14 @@ def _causes(
     for k in range(6):
         name, unit = ("force", "N") if k < 3 else ("torque", "Nm")
         words = f"a {name} of {{0}} {unit} along the sensor's {AXES[k % 3]} axis in every load"
-        yield Cause(words, 1.0, float(eq.wrench_noise[k]), {"wrench": -np.eye(6)[k]})
+        yield Cause(words, 1.0, eq.wrench_noise[k], {"wrench": -np.eye(6)[k]})
     yield from _of_displacement(chain, setup, tests)
     for joint in range(1, 6):  # joint 1 is a turn of the displacement's axes
         hidden = "a joint's zero", f"1 deg of joint {joint + 1}", "deg"
         words = f"joint {joint + 1} {{0}} deg off its recorded angle"
         yield Cause(words, DEG, ZERO_U_DEG, {"joints": np.eye(6)[joint]}, hidden=hidden)
     for k in range(12):
-        soft = max(abs(float(compliance[k % 6])), 0.1 * TYPICAL)
+        soft = max(abs(compliance[k % 6]), 0.1 * TYPICAL)
         words = f"links that give across the axis of joint {k % 6 + 1}, by {{0}} % of what the joint gives"
         yield Cause(words, 0.01, 100 * LINK_U, direction=0.01 * soft * eq.links[:, :, k])
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -21,11 +21,10 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.ranges import LeastMargin, SizeMm, Stations, ToleranceMm
-from workbench.plugins.stiffness.margins import Cuts, cuts_of, judged_limits, screen_limits, u_of_modes
+from workbench.plugins.stiffness.margins import cuts_of, judged_limits, screen_limits, u_of_modes
 from workbench.plugins.stiffness.milling_choice import Bounds, Chosen, choose, speeds
 from workbench.plugins.stiffness.predict_stage import base_from_point
-from workbench.plugins.stiffness.stability import Dynamics
-from workbench.plugins.stiffness.values import CuttingProcess, MillingForce, PathStability, RobotModes
+from workbench.plugins.stiffness.values import MillingForce, PathStability, RobotModes
 
 
 @stage("stiffness.chatter")
@@ -98,24 +97,27 @@ def chatter(
         coupling_limit_mm=np.where(coupling > largest_depth_mm, np.inf, coupling),
         u_log=u_log[0],
         spindle_rpm=cuts.rpm,
+        largest_mm=largest_depth_mm,
         warnings=modes.declared,
     )
-    worst = int(found.margin.argmin())
-    lobes = _lobes(cuts.only(np.array([worst])), dynamics.at(worst), speed_change, largest_depth_mm)
+    cut, there = cuts.only(np.array([found.worst])), dynamics.at(found.worst)
+    every = speeds(cuts.rpm, speed_change, cuts.cutter.flutes, there.fastest_hz)
+    up, down = (
+        np.array([judged_limits(there, replace(cut, rpm=float(rpm)), way, largest_depth_mm)[0] for rpm in every])
+        for way in (0, 1)
+    )
+    lobes = {"spindle_rpm": every, "up_limit_mm": up, "down_limit_mm": down}
     bounds = Bounds(least_margin, u_log, root_tolerance_mm, most_layers, speed_change)
     choice = choose(cell, toolpath, cuts, found.layer, dynamics, bounds) if most_layers else None
-    page = _Page(found, modes, cuts.process, toolpath, least_margin, largest_depth_mm, lobes, worst, choice)
-    return found, _document(page), _chapter(page)
-
-
-def _lobes(cut: Cuts, dynamics: Dynamics, change: float, largest_mm: float) -> Float:
-    """Speeds, and limits up and down (3, s), of one point."""
-    every = speeds(cut.rpm, change, cut.cutter.flutes, dynamics.fastest_hz)
-    rows = [
-        [rpm, *(judged_limits(dynamics, replace(cut, rpm=float(rpm)), way, largest_mm)[0] for way in (0, 1))]
-        for rpm in every
-    ]
-    return np.array(rows).T
+    chosen = None if choice is None else _chosen(choice, least_margin)
+    file = _document(
+        found, force.source, least_margin, {"part": asdict(toolpath.part), "lobes": lobes, "choice": chosen}
+    )
+    return (
+        found,
+        file,
+        _chapter(found, force.source, least_margin, lobes, "" if chosen is None else f"{chosen['words']}."),
+    )
 
 
 AT_RIGHT: Any = {"xycoords": ("axes fraction", "data"), "ha": "right"}
@@ -127,36 +129,8 @@ NOT_INCLUDED = (
 )
 
 
-class _Page(NamedTuple):
-    """All that file and chapter tell."""
-
-    found: PathStability
-    modes: RobotModes
-    process: CuttingProcess
-    toolpath: Toolpath
-    asked: float
-    largest_mm: float
-    lobes: Float
-    worst: int
-    choice: Chosen | None
-
-    @property
-    def words(self) -> str:
-        """The worst place in words."""
-        k = self.worst
-        up, down = (self.shown(one[k]) for one in (self.found.up_limit_mm, self.found.down_limit_mm))
-        return (
-            f"At the worst place, {self.found.depth_mm[k]:.1f} mm deep: milling up (as the path runs) chatter {up}; "
-            f"milling down (the path backwards) {down}"
-        )
-
-    def shown(self, limit_mm: float) -> str:
-        """A limit in words."""
-        return f"from {limit_mm:.2g} mm" if np.isfinite(limit_mm) else f"none up to {self.largest_mm:g} mm"
-
-
-def _document(page: _Page) -> Document:
-    found = page.found
+def _document(found: PathStability, source: str, asked: float, more: dict[str, object]) -> Document:
+    """`chatter.json`; `more`: part, lobes and choice."""
     columns = {
         "point": found.at,
         "layer": found.layer,
@@ -171,18 +145,16 @@ def _document(page: _Page) -> Document:
     return result_file(
         "chatter.json",
         {
-            "part": asdict(page.toolpath.part),
             "spindle_rpm": found.spindle_rpm,
-            "coefficients": page.process.coefficients.source,
-            "largest_depth_mm": page.largest_mm,
-            "least_margin_asked": page.asked,
-            "worst": page.words,
-            "worst_point": int(found.at[page.worst]),
+            "coefficients": source,
+            "largest_depth_mm": found.largest_mm,
+            "least_margin_asked": asked,
+            "worst": found.words,
+            "worst_point": int(found.at[found.worst]),
             "points": [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)],
-            "lobes": dict(zip(("spindle_rpm", "up_limit_mm", "down_limit_mm"), page.lobes, strict=True)),
-            "choice": None if page.choice is None else _chosen(page.choice, page.asked),
-            "declared": list(page.modes.declared),
-            "not_included": list(NOT_INCLUDED),
+            "declared": found.warnings,
+            "not_included": NOT_INCLUDED,
+            **more,
         },
     )
 
@@ -200,26 +172,27 @@ def _chosen(choice: Chosen, asked: float) -> dict[str, object]:
     }
 
 
-def _chapter(page: _Page) -> Chapter:
-    found, k = page.found, page.worst
-    short = found.least_margin < page.asked
+def _chapter(found: PathStability, source: str, asked: float, lobes: dict[str, Float], choice: str) -> Chapter:
+    k, short = found.worst, found.least_margin < asked
     summary = (
         f"Chatter: least margin {found.margin[k]:.2f} of depth, {found.least_margin[k]:.2f} less U (k = 2); "
-        f"{page.asked:g} asked for, missed at {int(short.sum())} of {len(found.at)} places"
+        f"{asked:g} asked for, missed at {int(short.sum())} of {len(found.at)} places"
     )
     text = (
-        pieces.paragraph(f"{page.words}. Spindle {found.spindle_rpm:g} rev/min, {page.process.coefficients.source}.")
-        + ("" if page.choice is None else pieces.paragraph(page.choice.words(page.asked) + "."))
-        + pieces.figure_html(_picture(page), "Margin along the path, and limits over the spindle's speed", "")
-        + pieces.list_html([f"Declared: {one}" for one in page.modes.declared])
+        pieces.paragraph(f"{found.words}. Spindle {found.spindle_rpm:g} rev/min, {source}.")
+        + (pieces.paragraph(choice) if choice else "")
+        + pieces.figure_html(
+            _picture(found, asked, lobes), "Margin along the path, and limits over the spindle's speed", ""
+        )
+        + pieces.list_html([f"Declared: {one}" for one in found.warnings])
         + pieces.list_html([f"Not included: {one}" for one in NOT_INCLUDED])
     )
     return Chapter("Chatter", text, summary=summary)
 
 
-def _picture(page: _Page) -> bytes:
+def _picture(found: PathStability, asked: float, every: dict[str, Float]) -> bytes:
     """The margin along the path, with U, and the lobes at the worst place, by their logarithms (SVG)."""
-    found, ceiling, k = page.found, page.largest_mm, page.worst
+    ceiling, k = found.largest_mm, found.worst
     up, down = (np.log10(np.minimum(one, ceiling) / found.depth_mm) for one in (found.up_limit_mm, found.down_limit_mm))
     expanded = 2.0 * found.u_log / np.log(10.0)
     figure = plot.Figure((10.0, 5.2))
@@ -229,13 +202,13 @@ def _picture(page: _Page) -> bytes:
     along.plot(found.at, down, linewidth=1.1, color=pieces.ORANGE, label="down")
     along.points(found.at[[k]], up[[k]], "o", markersize=6.0)
     along.annotate("worst place", (found.at[k], up[k]), (0.0, 8.0), ha="center", look=plot.ON_WHITE)
-    if page.asked:
-        along.axhline(np.log10(page.asked), color=pieces.PURPLE, linewidth=0.9, dashes=(6.0, 3.0))
-        along.annotate("asked for, less U", (1.0, np.log10(page.asked)), (-2.0, 3.0), **AT_RIGHT)
+    if asked:
+        along.axhline(np.log10(asked), color=pieces.PURPLE, linewidth=0.9, dashes=(6.0, 3.0))
+        along.annotate("asked for, less U", (1.0, np.log10(asked)), (-2.0, 3.0), **AT_RIGHT)
     along.set(xlabel="point of the path", ylabel="limit / depth")
-    for row, name, colour in ((1, "up", pieces.INK), (2, "down", pieces.ORANGE)):
-        limit = np.log10(np.minimum(page.lobes[row], ceiling))
-        lobes.plot(page.lobes[0], limit, linewidth=1.2, color=colour, label=name)
+    for name, colour in (("up", pieces.INK), ("down", pieces.ORANGE)):
+        limit = np.log10(np.minimum(every[f"{name}_limit_mm"], ceiling))
+        lobes.plot(every["spindle_rpm"], limit, linewidth=1.2, color=colour, label=name)
     lobes.axhline(np.log10(found.depth_mm[k]), color=pieces.GREY, linewidth=0.9)
     lobes.annotate("depth of cut", (1.0, np.log10(found.depth_mm[k])), (-2.0, 3.0), **AT_RIGHT)
     lobes.axvline(found.spindle_rpm, color=pieces.GREY, linewidth=0.6)

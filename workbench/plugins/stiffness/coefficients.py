@@ -47,7 +47,7 @@ class CuttingCoefficients:
         Of published coefficients: the scatter of PUBLISHED's rows, since the cutter's geometry is in them.
         """
         if self.covariance is not None:
-            return float(np.sqrt(self.covariance[0, 0]) / self.ktc_n_mm2) if self.ktc_n_mm2 else np.inf
+            return (np.sqrt(self.covariance[0, 0]) / self.ktc_n_mm2) if self.ktc_n_mm2 else np.inf
         return float(np.log([one.ktc_n_mm2 for one in PUBLISHED.values()]).std(ddof=1))
 
 

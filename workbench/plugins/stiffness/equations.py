@@ -173,7 +173,7 @@ class Loading:
     def misfits(self, rows: estimator.Rows) -> Float:
         """Chi-square of each load (L,) over how many values were seen of it."""
         of_load = [replace(rows.only(self.load == i), prior=0.0 * rows.prior) for i in range(len(self.eq.y))]
-        return np.array([one.normal().chi2 / max(float(one.values.sum()), 1.0) for one in of_load])
+        return np.array([one.normal().chi2 / max(one.values.sum(), 1.0) for one in of_load])
 
     def fit(self, used: Bool | None = None) -> estimator.Fit[Float]:
         """The compliance by all loads, or the observations `used` (n,)."""

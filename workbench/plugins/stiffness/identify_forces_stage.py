@@ -144,7 +144,7 @@ def identify_forces(
         raise InputError(where, "expected at least two feeds: one alone does not part cutting from edge forces")
     if radial_depth_mm is not None and radial_depth_mm > cutter_diameter_mm:
         raise InputError(f"{where}: radial_depth_mm", f"expected at most {cutter_diameter_mm:g}, the cutter's diameter")
-    last = np.pi if radial_depth_mm is None else float(np.arccos(1 - 2 * radial_depth_mm / cutter_diameter_mm))
+    last = np.pi if radial_depth_mm is None else np.arccos(1 - 2 * radial_depth_mm / cutter_diameter_mm)
     angles = (0.0, last) if direction == "up" else (np.pi - last, np.pi)
     cutter = Cutter(diameter_mm=cutter_diameter_mm, flutes=flutes, flute_length_mm=axial_depth_mm)
     cut = Cutting(cutter, axial_depth_mm, angles, bandwidth_hz, spindle_rpm)
@@ -195,8 +195,8 @@ def _recorded(path: Path, forces: Forces, cut: Cutting) -> Recorded:
         mean_n=used.mean(axis=0),
         covariance=np.cov(blocks.T) / BLOCKS + np.eye(3) * 1e-12,
         beyond=power[hz > cut.bandwidth_hz].sum(axis=0) / np.maximum(power.sum(axis=0), 1e-300),
-        sense=float(abs(across[tooth]) ** 2 / max(abs(across[-tooth]) ** 2, 1e-300)),
-        once_n=float(np.hypot(abs(across[turns]), abs(across[-turns]))),
+        sense=abs(across[tooth]) ** 2 / max(abs(across[-tooth]) ** 2, 1e-300),
+        once_n=np.hypot(abs(across[turns]), abs(across[-turns])),
         teeth_n=spectrum[orders * turns],
     )
 
@@ -307,9 +307,9 @@ def _turns(axes: Sequence[str] | None) -> list[Float]:
     return [*signed, *(one[[1, 0, 2]] for one in signed)]
 
 
-def mean_matrix(cut: Cutting, per_tooth_mm: float) -> Float:
-    """(3, 6): mean force over a turn, linear in the coefficients, in the axes of `force.milling_force`."""
-    return cut.axial_mm * mean_matrices(cut.cutter, *cut.angles, np.array([per_tooth_mm]))[0, :3]
+def mean_matrix(cut: Cutting, per_tooth_mm: Float) -> Float:
+    """(n, 3, 6): mean force over a turn at feeds (n,), linear in the coefficients, axes as in `milling_force`."""
+    return cut.axial_mm * mean_matrices(cut.cutter, *cut.angles, per_tooth_mm)[:, :3]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -346,10 +346,9 @@ def _fitted(
     recorded: Sequence[Recorded], per_tooth: Float, cut: Cutting, turn: Float, lost_n: Float, as_built_u: float
 ) -> Tried:
     """Coefficients of the mean forces; `lost_n` (n, 3) is what run-out takes from them."""
-    matrix = np.array([mean_matrix(cut, c) for c in per_tooth])
     mean = np.array([turn @ one.mean_n for one in recorded])
     covariance = np.array([turn @ one.covariance @ turn.T for one in recorded])
-    means = _Means(mean, covariance, matrix, lost_n, as_built_u)
+    means = _Means(mean, covariance, mean_matrix(cut, per_tooth), lost_n, as_built_u)
     found = estimator.fit(means, np.zeros(11 + 4 * len(recorded)))
     misfit = found.misfit if found.freedom > 0 else None
     return Tried(turn, found.at[:6], found.covariance[:6, :6], misfit, found.rows.residual)
@@ -357,7 +356,7 @@ def _fitted(
 
 def _chosen(tried: Sequence[Tried], recorded: Sequence[Recorded], stated: bool) -> Tried:
     """The one way that gives forces above zero and turns as the recorded force does."""
-    sense = float(np.exp(np.mean([np.log(one.sense) for one in recorded])))
+    sense = np.exp(np.mean([np.log(one.sense) for one in recorded]))
     # 1: the dynamometer's x, y turn into each other as the cutter's do; -1: the other way
     handed = np.linalg.det(np.array([one.turn[:2, :2] for one in tried]))
     turning: Bool = (sense**handed >= 1.0) | stated
@@ -392,26 +391,27 @@ def _run_out(tried: Tried, recorded: Sequence[Recorded], per_tooth: Float, cut: 
     of = CuttingCoefficients(*(tried.values * np.where(down, [1, -1, 1, 1, -1, 1], 1.0)))
     radial_mm = cut.cutter.diameter_mm / 2 * (1.0 - np.cos(cut.angles[1] - cut.angles[0]))
 
-    def through(c: float, size: float, angle: float) -> Float:
-        feed, radial, axial = (np.array([one]) for one in (c, radial_mm, cut.axial_mm))
-        turn = milling_force(of, cut.cutter, feed, radial, axial, Teeth(helix, size, angle))[0, :, :3]
-        return turn * np.where(down, DOWN, 1.0)
+    def through(size: float, angle: float) -> Float:
+        turn = milling_force(
+            of, cut.cutter, per_tooth, np.array(radial_mm), np.array(cut.axial_mm), Teeth(helix, size, angle)
+        )
+        return turn[..., :3] * np.where(down, DOWN, 1.0)
 
-    def line(c: float, size: float, angle: float) -> float:
-        turn = through(c, size, angle)
-        lines = np.fft.fft(turn[:, 0] + 1j * turn[:, 1]) / len(turn)
-        return float(np.hypot(abs(lines[1]), abs(lines[-1])))
+    def line(size: float, angle: float) -> Float:
+        turn = through(size, angle)
+        lines = np.fft.fft(turn[..., 0] + 1j * turn[..., 1]) / turn.shape[1]
+        return np.hypot(np.abs(lines[:, 1]), np.abs(lines[:, -1]))
 
-    size = 0.1 * float(per_tooth.min()) * (cut.cutter.flutes > 1)
-    angles = np.linspace(0, np.pi, 13)[:-1]
-    worst = float(angles[int(np.argmax([line(float(per_tooth[0]), size, float(one)) for one in angles]))])
+    size = 0.1 * per_tooth.min() * (cut.cutter.flutes > 1)
+    angles, once_n = np.linspace(0, np.pi, 13)[:-1], np.array([one.once_n for one in recorded])
+    worst = max(angles.tolist(), key=lambda angle: line(size, angle)[0])
     for _ in range(ROUNDS * (size > 0.0)):  # a tooth that no longer cuts everywhere makes lines out of proportion
-        size *= float(np.mean([one.once_n / line(c, size, worst) for one, c in zip(recorded, per_tooth, strict=True)]))
-    turns = [through(c, size, worst) for c in per_tooth]
-    lost_n = [(turn - through(c, 0.0, worst)).mean(axis=0) for turn, c in zip(turns, per_tooth, strict=True)]
-    lines = [np.abs(np.fft.fft(turn[:, :2], axis=0)) / len(turn) for turn in turns]
+        size *= np.mean(once_n / line(size, worst))
+    turns = through(size, worst)
+    lost_n = (turns - through(0.0, worst)).mean(axis=1)
+    lines = np.abs(np.fft.fft(turns[..., :2], axis=1)) / turns.shape[1]
     orders = [_tooth_orders(cut, one.rpm / 60.0) for one in recorded]
-    return RunOut(size, np.array(lost_n), tuple(line[at] for line, at in zip(lines, orders, strict=True)))
+    return RunOut(size, lost_n, tuple(line[at] for line, at in zip(lines, orders, strict=True)))
 
 
 def _check_teeth(recorded: Sequence[Recorded], chosen: Tried, runout: RunOut) -> None:

@@ -149,7 +149,7 @@ def identify_from(
     return _stiffness(found, known, covariance, tests, use, tuple(warnings)), {
         "joint_compliance_rad_per_nm": compliance,
         "compliance_covariance": known,
-        "residual_over_noise": float(np.sqrt(found.misfit)),
+        "residual_over_noise": np.sqrt(found.misfit),
         "residual_over_noise_of_load": np.sqrt(loading.misfits(found.rows)),
         "load_used": use.tolist(),
         "rejected": out,
@@ -222,7 +222,7 @@ def _stiffness(
     return JointStiffness(
         nm_per_rad=k / (1 + r * min(found.misfit, 1.0)),
         covariance=fourth * np.outer(k, k),
-        condition_number=float(np.sqrt(values[-1] / values[0])),
+        condition_number=np.sqrt(values[-1] / values[0]),
         postures=len(set(used)),
         loads=len(used),
         source=tests.source,

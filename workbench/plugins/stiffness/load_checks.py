@@ -93,7 +93,7 @@ def _share_left(found: estimator.Fit[Float]) -> float:
     """Square of the residuals over that of the displacements, both over the noise."""
     variance = np.diagonal(found.rows.covariance, axis1=1, axis2=2)
     moved = found.rows.residual + found.rows.jacobian @ found.at
-    return float(np.sum(found.rows.residual**2 / variance) / np.sum(moved**2 / variance))
+    return np.sum(found.rows.residual**2 / variance) / np.sum(moved**2 / variance)
 
 
 def _readings(chain: Chain, tests: LoadingTests) -> Iterator[tuple[str, LoadingTests]]:
@@ -207,7 +207,7 @@ def _is_measured(values: Float) -> bool:
 
 def step_of(values: Float) -> float:
     """The greatest step 1, 2 or 5 times a power of ten of which all values (n,) are multiples; 0: of none."""
-    largest = float(np.nanmax(np.abs(values), initial=0.0))
+    largest = np.nanmax(np.abs(values), initial=0.0)
     if largest == 0.0:
         return 0.0
     steps = np.outer(10.0 ** (np.floor(np.log10(largest)) - np.arange(7)), [5.0, 2.0, 1.0]).ravel()
@@ -241,7 +241,7 @@ def rounded(setup: LoadingSetup, tests: LoadingTests) -> LoadingSetup:
                 f"displacements are rounded to {step:g} mm, where the cell file states a noise of {noise:g} mm: small "
                 "ones vanish; give more figures",
             )
-        changes[name] = unit * float(np.hypot(noise, step / np.sqrt(6.0)))
+        changes[name] = unit * np.hypot(noise, step / np.sqrt(6.0))
     return dataclasses.replace(setup, **changes)
 
 
@@ -263,7 +263,7 @@ def check_clipped(tests: LoadingTests) -> None:
 
 def check_stated(found: JointStiffness, stated: Float, source: str, tests: LoadingTests) -> None:
     """All loads in kgf or lbf fit as well as they should: only what is known of this robot tells."""
-    ratio = float(np.exp(np.mean(np.log(found.nm_per_rad / stated))))
+    ratio = np.exp(np.mean(np.log(found.nm_per_rad / stated)))
     if max(ratio, 1 / ratio) > UNLIKE:
         likely = min(STIFFER, key=lambda cause: abs(math.log(ratio / STIFFER[cause])))
         raise InputError(

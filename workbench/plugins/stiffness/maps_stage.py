@@ -126,7 +126,7 @@ def sphere(count: int) -> Float:
 
 def _verdict(fp: Float, fr: Float, marked: tuple[Float, Float, Float], force_n: float, torque_nm: float) -> str:
     """The paper's claim for this robot, in one line."""
-    share = float(np.mean((fp < NEGLIGIBLE_FP) & (fr < NEGLIGIBLE_FR)))
+    share = np.mean((fp < NEGLIGIBLE_FP) & (fr < NEGLIGIBLE_FR))
     whole = "everywhere on the map" if share == 1 else f"on {100 * share:.0f} % of the map only"
     line = (
         f"K_c is negligible (f_p < {NEGLIGIBLE_FP:g}, f_r < {NEGLIGIBLE_FR:g} rad at {force_n:g} N, {torque_nm:g} Nm) "

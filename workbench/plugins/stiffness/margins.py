@@ -58,7 +58,7 @@ class Cuts:
     def groups(self) -> list[tuple[float, AnyArray]]:
         """Radial depths that occur and the points (bool, m) that have each."""
         rounded = np.maximum(np.round(self.radial_mm / SAME_MM), 1) * SAME_MM
-        return [(float(depth), rounded == depth) for depth in np.unique(rounded)]
+        return [(depth, rounded == depth) for depth in np.unique(rounded)]
 
     def dynamics(self, chain: Chain, modes: RobotModes, joints: Float) -> Dynamics:
         """Of the robot at the points, with joints (m, 6)."""
@@ -123,7 +123,7 @@ def is_stable(
     """
     share = screen_limits(dynamics, cuts, way) / depth_mm
     return bool(share.min() >= sure) and not any(
-        np.isfinite(judged_limits(dynamics.at(i), replace(one, rpm=cuts.rpm * by), way, float(depth_mm[i]))[0])
+        np.isfinite(judged_limits(dynamics.at(i), replace(one, rpm=cuts.rpm * by), way, depth_mm[i])[0])
         for i in np.argsort(share).tolist()  # what fails, fails at once
         for one in [cuts.only(np.array([i]))]
         for by in beside

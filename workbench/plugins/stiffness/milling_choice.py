@@ -99,7 +99,7 @@ def choose(
     give = dynamics.shape @ np.linalg.solve(dynamics.stiffness, dynamics.shape.mT) * MM  # mm/N
     for row, way in enumerate(DIRECTIONS):
         for layers, rpm in pairs:
-            met = replace(cuts, rpm=float(rpm), radial_mm=cuts.radial_mm * count / layers)
+            met = replace(cuts, rpm=rpm, radial_mm=cuts.radial_mm * count / layers)
             if met.radial_mm.max() > cuts.cutter.diameter_mm:
                 faster[way]["a depth beyond the cutter's diameter"] += 1
                 continue
@@ -123,16 +123,16 @@ def _option(toolpath: Toolpath, met: Cuts, way: int, layers: int, time_s: float,
         cut, axial = met.milling(radial)[way], met.axial_mm[here]
         mean = mean_matrices(met.cutter, cut.entry, cut.exit, met.chip_mm[here]) @ met.process.coefficients.values
         force[here], torque[here] = axial[:, None] * mean[:, :3], axial * mean[:, 3]
-    most, moved = float(torque.max()), np.abs(np.einsum("mr,mr->m", give, force))
+    most, moved = torque.max(), np.abs(np.einsum("mr,mr->m", give, force))
     return Option(
         layers=layers,
         direction=DIRECTIONS[way],
         spindle_rpm=met.rpm,
-        radial_depth_mm=float(met.radial_mm.max()),
+        radial_depth_mm=met.radial_mm.max(),
         time_s=time_s,
         torque_nm=most,
         power_kw=most * met.rpm * 2 * np.pi / 60 / 1000,
-        root_deflection_mm=float(moved.max() / np.sin(toolpath.bevel_deg * DEG)),
+        root_deflection_mm=moved.max() / np.sin(toolpath.bevel_deg * DEG),
     )
 
 

@@ -248,7 +248,7 @@ def fitted(chain: Chain, start: RobotModes, tests: TapTests, relative_u: float, 
 def _check_scale(taps: _Taps, tests: TapTests) -> None:
     """Refuse responses in other units: their size below the resonances is known from the stiffness."""
     value, _ = taps.compliance(np.zeros(len(taps.prior)))
-    ratio = float(np.exp(np.median(np.log(np.abs(tests.value) / np.abs(value)))))
+    ratio = np.exp(np.median(np.log(np.abs(tests.value) / np.abs(value))))
     for scale, words in SCALES.items():
         if abs(np.log(ratio / scale)) < 0.5 * abs(np.log(scale)) and abs(np.log(ratio)) > np.log(4.0):
             raise InputError(
@@ -274,7 +274,7 @@ def _document(found: RobotModes, shown: Dynamics, who: dict[str, object], joints
             "joint_stiffness_nm_per_rad": found.nm_per_rad,
             "link_masses_kg": found.bodies.mass_kg,
             **(
-                {"damping_ratio": float(found.damping[0])}
+                {"damping_ratio": found.damping[0]}
                 if len(found.damping) == 1
                 else {"joint_damping_nm_s_per_rad": found.damping}
             ),

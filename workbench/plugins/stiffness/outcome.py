@@ -98,7 +98,7 @@ class Found:
     @property
     def gap(self) -> float | None:
         """How far the choice is above the point-wise bound, as a share of it."""
-        return None if self.bound is None else float(self.cost[self.bound_at].mean() / self.bound.mean() - 1)
+        return None if self.bound is None else (self.cost[self.bound_at].mean() / self.bound.mean() - 1)
 
     @property
     def configuration(self) -> tuple[str, ...]:
@@ -344,7 +344,7 @@ def _mark(every: Sequence[plot.Axes], found: Found, *, flat: bool) -> None:
         told: dict[tuple[float, float], list[str]] = {}
         for name, case in found.cases.items():
             if case is not None and (axes is every[0] or name == "best"):
-                at = case.rotation / DEG, float(case.cost.mean()) if flat else case.table / DEG
+                at = case.rotation / DEG, case.cost.mean() if flat else case.table / DEG
                 told.setdefault(at, []).append(name)
         for at, names in told.items():
             for colour, size in ((pieces.INK, 7.0), ("#ffffff", 5.0)):
@@ -375,6 +375,6 @@ def along_picture(cell: Cell, found: Found) -> bytes:
         axes.plot(order, values, color=pieces.BLUE, linewidth=1.1)
         axes.axhline(limit, color=pieces.PURPLE, linewidth=0.9, dashes=(6.0, 3.0))
         axes.annotate("required", (1.0, limit), (-2.0, 3.0), xycoords=("axes fraction", "data"), ha="right")
-        axes.set(ylabel=name, ylim=(0.0, 1.08 * max(float(np.nanmax(values)), limit)))
+        axes.set(ylabel=name, ylim=(0.0, 1.08 * max(np.nanmax(values), limit)))
     [top, *others][-1].set(xlabel="points that cut, in the order of motion")
     return figure.svg()

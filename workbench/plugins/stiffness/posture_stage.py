@@ -182,7 +182,7 @@ def posture(
         thinned = traversed.thinned(every, choice.rotation, choice.table)
         over = mapped(examiner, thinned, within(progress, 0.5, 1.0))
     made = postures(examiner, toolpath, choice, cell.warnings + _unsteady(choice, least_margin))
-    worst = float(np.nan_to_num(np.linalg.norm(made.displacement_mm, axis=1)).max())
+    worst = np.nan_to_num(np.linalg.norm(made.displacement_mm, axis=1)).max()
     if worst > toolpath.cutter.diameter_mm / 2:  # the cutter would leave the face that it cuts
         raise InputError(
             "stiffness.posture",
@@ -293,7 +293,7 @@ def _best(
     cell: Cell, arm: AnyArm, keeps: Steadiness | None, ways: list[Searched], allowed: Bool, progress: Share
 ) -> tuple[Examiner, Traversal, Choice, PostureMap]:
     """The best free cell of all ways, each of which is searched as far as it may have a better one."""
-    least = [float(np.where(one.said[allowed] == FREE, one.mean[allowed], np.inf).min()) for _, _, one in ways]
+    least = [np.where(one.said[allowed] == FREE, one.mean[allowed], np.inf).min() for _, _, one in ways]
     best: tuple[Examiner, Traversal, Choice, PostureMap] | None = None
     examined, of, refused = 0, sum(one.said[0].size for _, _, one in ways), list[InputError]()
     for done, i in enumerate(np.argsort(least, kind="stable").tolist()):
@@ -354,7 +354,7 @@ def _cases(examiner: Examiner, choice: Choice, over: PostureMap) -> dict[str, Ca
     worst = np.unravel_index(np.nanargmax(over.mean), over.mean.shape)
     places = {
         "as planned": (0.0, float(planned)),
-        "worst": (float(over.rotations[worst[0]]), float(over.tables[worst[1]])),
+        "worst": (over.rotations[worst[0]], over.tables[worst[1]]),
     }
     found = {name: case_at(as_planned if name == "as planned" else examiner, *at) for name, at in places.items()}
     return {**found, "best": case_of(examiner, choice.rotation, choice.table, choice.joints)}

@@ -126,11 +126,9 @@ def read_loads(path: Path) -> LoadingTests:
         points=count,
         warnings=(f"{path}: columns that are not used: {', '.join(ignored)}",) if ignored else (),
     )
-    lost: Bool = np.asarray(np.isnan(found.vectors).any(axis=2))  # a point of which a cell is empty
-    unseen: Bool = np.asarray(lost.all(axis=1))
-    if unseen.any():
-        where = f"{path}: line {table.lines[int(unseen.argmax())]}"
-        raise InputError(where, "a load without displacement: expected at least one point")
+    lost: Bool = np.any(np.isnan(found.vectors), axis=2)  # a point of which a cell is empty
+    if (unseen := np.all(lost, axis=1)).any():
+        raise InputError(table.place(unseen), "a load without displacement: expected at least one point")
     found.vectors[lost] = np.nan
     return replace(found, moved=found.moved * found.units)
 

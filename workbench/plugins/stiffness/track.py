@@ -25,7 +25,7 @@ def along_track(cell: Cell, points: PathPoints) -> PathPoints:
     kept = within_margins(cell).turntable
     assert kept is not None
     way = tool_mm(cell, points)
-    room, span = float(np.ptp(kept.limits)) / DEG, float(np.ptp(way))
+    room, span = np.ptp(kept.limits) / DEG, np.ptp(way)
     share = min(1.0, MOST_SHARE * room / max(span, 1e-9))
     return dataclasses.replace(points, drift=share * (way - way[0]) * DEG)
 
@@ -49,4 +49,4 @@ def places(cell: Cell, drift: Float) -> Float:
     kept = within_margins(cell).turntable
     assert kept is not None
     low, high = kept.limits[0] - drift.min(), kept.limits[1] - drift.max()
-    return np.asarray(np.linspace(low, high, int((high - low) / (STEP_MM * DEG)) + 2)) if high >= low else np.zeros(0)
+    return np.linspace(low, high, int((high - low) / (STEP_MM * DEG)) + 2) if high >= low else np.zeros(0)

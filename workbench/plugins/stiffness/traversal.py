@@ -225,7 +225,7 @@ class Examiner:
         asked = inside[said == FREE]
         fast = (np.abs(np.diff(joints[asked], axis=1)) > MOST_STEP).any(axis=(1, 2))
         for i in asked[fast].tolist():
-            _, cause[i], hit[i] = self.along(configuration, float(rotation[i]), float(table[i]))
+            _, cause[i], hit[i] = self.along(configuration, rotation[i], table[i])
             how[i] = EVERY_POINT
         asked = asked[~fast]
         open_ = self.screen.swept(joints[asked], self.dense.external(table[asked, None], self._stations[None]))
@@ -390,7 +390,7 @@ class Examiner:
 def _is_chord(there: Float) -> bool:
     """Whether places (k, 13) are no farther apart than a station's step, and lie on the chord from first to last."""
     chord = there[-1] - there[0]
-    square = float(chord @ chord)
+    square = chord @ chord
     if square > STATION_MM**2:
         return False
     share = np.clip((there - there[0]) @ chord / max(square, 1e-12), 0.0, 1.0)
@@ -547,9 +547,9 @@ class _State:
     def choice(self, one: int) -> Choice:
         """The cell that was driven last."""
         which, rotation, table = self.place(one)
-        margin = None if self.examiner.keeps is None else float(self.margin[1, one])
-        joints, of, mean = self.driven, self.grid.said[0].size, float(self.grid.mean.reshape(-1)[one])
-        return Choice(float(rotation), float(table), int(which), joints, mean, self.examined, of, margin=margin)
+        margin = None if self.examiner.keeps is None else self.margin[1, one]
+        joints, of, mean = self.driven, self.grid.said[0].size, self.grid.mean.reshape(-1)[one]
+        return Choice(rotation, float(table), int(which), joints, mean, self.examined, of, margin=margin)
 
     def _spread(self, flat: Int) -> None:
         """What the tool hits on the part along the path it hits in every posture of that cutter rotation."""

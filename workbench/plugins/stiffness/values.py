@@ -82,7 +82,25 @@ class PathStability:
     coupling_limit_mm: Shaped[Float, " m"]  # of mode coupling alone, milling up
     u_log: Shaped[Float, " m"]  # standard uncertainty of the logarithm of a limit
     spindle_rpm: float
+    largest_mm: float  # depth that was looked at
     warnings: tuple[str, ...] = ()
+
+    @property
+    def worst(self) -> int:
+        """The place of least margin."""
+        return int(self.margin.argmin())
+
+    @property
+    def words(self) -> str:
+        """Limits at the worst place."""
+        up, down = (
+            f"from {limit:.2g} mm" if np.isfinite(limit) else f"none up to {self.largest_mm:g} mm"
+            for limit in (self.up_limit_mm[self.worst], self.down_limit_mm[self.worst])
+        )
+        return (
+            f"At the worst place, {self.depth_mm[self.worst]:.1f} mm deep: milling up (as the path runs) chatter {up}; "
+            f"milling down (the path backwards) {down}"
+        )
 
     @property
     def margin(self) -> Float:

@@ -80,7 +80,7 @@ def _within_poses(columns: Float, shared: Shared) -> tuple[Float, float]:
 
     I + U^T D^-1 U is block-tridiagonal, with D what observations have alone and U what poses' errors make of it.
     """
-    inverse, own = np.linalg.inv(shared.alone), np.swapaxes(shared.own, 1, 2)
+    inverse, own = np.linalg.inv(shared.alone), shared.own.mT
     weighted, size = inverse @ columns, shared.own.shape[2]
     joined = np.tensordot(columns, weighted, axes=([0, 1], [0, 1]))
     square, side = own @ inverse @ shared.own, own @ weighted  # (m, e, e), (m, e, c)
@@ -132,7 +132,7 @@ class Rows:
         """As `Rows`, of observations that share `own` (n, d, e) with those of their pose (n,), as in `Shared`."""
         n, d = residual.shape
         shared = Shared(np.arange(n), alone, own, pose, np.zeros(n), int(pose.max()) + 1, np.zeros((n, d, 0)))
-        covariance = alone + own @ np.swapaxes(own, 1, 2)
+        covariance = alone + own @ own.mT
         return cls(residual, jacobian, covariance, values, prior, away, (shared,))
 
     def only(self, keep: Bool) -> Rows:
@@ -220,7 +220,7 @@ def worst(covariance: Float) -> tuple[float, Float]:
     """Greatest standard uncertainty of a covariance (k, k), and its direction (k,), the largest part positive."""
     values, vectors = np.linalg.eigh(covariance)
     way = vectors[:, -1]
-    return float(np.sqrt(max(values[-1], 0.0))), way * np.sign(way[np.argmax(np.abs(way))])
+    return float(np.sqrt(max(values[-1], 0.0))), way * np.sign(way[np.abs(way).argmax()])
 
 
 class Instrument(Protocol[S]):
@@ -304,7 +304,7 @@ def distance(rows: Rows, used: Bool, covariance: Float) -> Float:
     sign = np.where(used, -1.0, 1.0)[:, None, None]
     factor = np.linalg.cholesky(rows.covariance)
     white, J = np.linalg.solve(factor, rows.residual[..., None])[..., 0], np.linalg.solve(factor, rows.jacobian)
-    spread = np.eye(J.shape[1]) + sign * (J @ covariance @ np.swapaxes(J, 1, 2))
+    spread = np.eye(J.shape[1]) + sign * (J @ covariance @ J.mT)
     size = np.einsum("ni,nij,nj->n", white, np.linalg.pinv(spread, rcond=ALONE, hermitian=True), white)
     return as_of_three(size, J.shape[1])
 
@@ -463,7 +463,7 @@ def without_blunders(
     count = len(found.used)
     while True:
         distance = np.where(found.used, found.distance, np.inf)
-        worst = int(np.argmax(np.where(found.used, distance, -1.0)))
+        worst = int(np.where(found.used, distance, -1.0).argmax())
         if found.freedom < spare or not far_off(distance, found.used)[worst]:
             return found, left_out
         if (~found.used).sum() + 1 > MOST_GROSS * count:

@@ -124,7 +124,9 @@ def cause_of(base_from_flange: Float, centre: Float, with_offset: bool, what: st
     if turning[0] < ALIKE_RAD:
         return "all postures have nearly the same orientation: turn the flange about two different axes"
     if turning[1] < ALIKE_RAD:
-        if _two_clusters(turns):
+        apart = np.linalg.norm(turns - turns[0], axis=1)
+        other = np.linalg.norm(turns - turns[apart.argmax()], axis=1)
+        if (np.minimum(apart, other) < ALIKE_RAD).all():
             return "there are only two orientations: add a third, turned about another axis"
         return "all postures turn about one axis: turn the flange about a second one"
     if spread[0] < ALIKE_MM:
@@ -134,10 +136,3 @@ def cause_of(base_from_flange: Float, centre: Float, with_offset: bool, what: st
     if with_offset:
         return MOVE_DIFFERENTLY
     return f"add postures that differ in orientation and in where the {what} lies in the profile"
-
-
-def _two_clusters(turns: Float) -> bool:
-    """Whether rotation vectors (k, 3) gather in two places."""
-    far = np.linalg.norm(turns - turns[0], axis=1)
-    other = turns[far.argmax()]
-    return bool((np.minimum(far, np.linalg.norm(turns - other, axis=1)) < ALIKE_RAD).all())

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -11,7 +11,6 @@ from typing import Literal
 import numpy as np
 
 from workbench.api import (
-    Bool,
     Document,
     Float,
     HandEye,
@@ -29,8 +28,6 @@ from workbench.plugins.calibration import methods
 from workbench.plugins.calibration.determinacy import Demand, directions
 from workbench.plugins.calibration.model import (
     SIZE,
-    Estimate,
-    Linear,
     Noise,
     Sphere,
     View,
@@ -40,7 +37,7 @@ from workbench.plugins.calibration.model import (
     to_base,
     volume_u,
 )
-from workbench.plugins.calibration.observations import Observations, Timed
+from workbench.plugins.calibration.observations import Timed
 from workbench.plugins.calibration.shared_errors import Settled, correlated, settled
 from workbench.plugins.calibration.solve import Answer, check_determined, solve
 from workbench.plugins.calibration.suspicions import turned
@@ -124,15 +121,18 @@ def hand_eye(
     where = f"{recording.source}: /robot"
     answer, view, sensor = _solved(profiles, recording, noise, where, max_u_mm)
     x_u, z_u = answer.sphere.noise.scale_u
-    wide = dataclasses.replace(answer.sphere.noise, scale_u=(max(x_u, sensor_scale_u), max(z_u, sensor_scale_u)))
-    found, systematic_mm = _with_scales(answer, wide), None
+    wide = replace(answer.sphere.noise, scale_u=(max(x_u, sensor_scale_u), max(z_u, sensor_scale_u)))
+    # scales that are held stay as stated, and scans that are read by them too: the pose makes up for their errors
+    scaled = answer.sphere.noisy(wide)
+    fitted = estimator.fit(scaled, answer.found.estimate, answer.found.used)
+    found, systematic_mm = replace(answer.found, covariance=settled(fitted, scaled).covariance), None
     if robot_error == "correlated" and answer.seen.here.scans:
         raise InputError(where, "robot_error 'correlated' is for postures held still, found scans over the sphere")
     if robot_error == "correlated":
         found, systematic_mm = correlated(found, answer.seen, wide)
     if method != "bundle":
         found = _by_method(method, answer, recording.flange_from_profiler, seed, where)
-    answer = dataclasses.replace(answer, found=found)
+    answer = replace(answer, found=found)
     check_determined(answer, Demand(view, max_u_mm, where))
     verdict = serves(
         found.covariance[:6, :6],
@@ -144,8 +144,12 @@ def hand_eye(
     )
     calibration = _calibration(method, (answer, view, sensor), profiles, recording, noise, systematic_mm, verdict)
     far = turned(found.estimate.rotation, recording.flange_from_profiler)
-    calibration = dataclasses.replace(calibration, warnings=(*calibration.warnings, *far, *unused))
-    return calibration.hand_eye, calibration, hand_eye_document(calibration)
+    calibration = replace(calibration, warnings=(*calibration.warnings, *far, *unused))
+    names = ("sensor_scale_u", "sphere_center_mm", "time_offset_s", "time_offset_u_s", "residual_rms_mm", "method")
+    more = {name: getattr(calibration, name) for name in (*names, "frames_used", "warnings")}
+    more["sphere_diameter_mm"] = 2.0 * calibration.sphere_radius_mm
+    file = hand_eye_file(calibration.hand_eye, recording.part, verdict, calibration.frames_rejected, more)
+    return calibration.hand_eye, calibration, file
 
 
 def _certified(profiles: SphereProfiles, certificate: Path) -> tuple[SphereProfiles, float, tuple[str, ...]]:
@@ -155,17 +159,7 @@ def _certified(profiles: SphereProfiles, certificate: Path) -> tuple[SphereProfi
     if abs(found.value_mm / stated - 1.0) > SAME_SPHERE:
         said = f"certifies a diameter of {found.value_mm:g} mm, the recording states {stated:g} mm: another sphere?"
         raise InputError(str(certificate), said)
-    return dataclasses.replace(profiles, sphere_diameter_mm=found.value_mm), found.u_mm / 2.0, found.left_out
-
-
-def _with_scales(answer: Answer, noise: Noise) -> Settled:
-    """What was found, with what the scales that are held may be off in its covariance.
-
-    They stay as stated, and scans that are read by them as they are: the pose makes up for what they are off.
-    """
-    found, sphere = answer.found, answer.sphere.noisy(noise)
-    fitted = estimator.fit(sphere, found.estimate, found.used)
-    return dataclasses.replace(found, covariance=settled(fitted, sphere).covariance)
+    return replace(profiles, sphere_diameter_mm=found.value_mm), found.u_mm / 2.0, found.left_out
 
 
 def _solved(
@@ -179,7 +173,7 @@ def _solved(
         design = recording.flange_from_profiler
         answer = solve(seen, noise, design, where=where, limit_mm=limit_mm, view=view, judged=False)
         free, before = [1 + k in answer.free for k in (0, 1)], sensor.error
-        sensor = dataclasses.replace(sensor, error=np.where(free, answer.found.estimate.scale, 0.0))
+        sensor = replace(sensor, error=np.where(free, answer.found.estimate.scale, 0.0))
         if np.abs(sensor.error - before).max() < SMALL:
             break
     return answer, view, sensor
@@ -200,21 +194,15 @@ def _by_method(method: Method, answer: Answer, design: Float | None, seed: int, 
         raise InputError(where, "method 'genetic' searches about the design's pose: /hand_eye is missing")
     else:
         rule, pose = partial(methods.two_step, begin), methods.genetic(design, centres, seed)
-    spread = methods.propagated(rule, centres, _centre_covariance(linear))
-    estimate = dataclasses.replace(fit.estimate, rotation=pose[:3, :3], translation_mm=pose[:3, 3])
+    h = linear.centre[:, 1]
+    change = by_circle(np.copysign(np.maximum(np.abs(h), NEAR_EQUATOR_MM), h))
+    spread = methods.propagated(rule, centres, change @ linear.covariance @ change.mT)
+    estimate = replace(fit.estimate, rotation=pose[:3, :3], translation_mm=pose[:3, 3])
     center = to_base(P, estimate, seen).mean(axis=0)
     covariance = fit.covariance.copy()
     covariance[:6], covariance[:, :6] = 0.0, 0.0
     covariance[:6, :6] = spread
-    return dataclasses.replace(fit, covariance=covariance, estimate=dataclasses.replace(estimate, center_mm=center))
-
-
-def _centre_covariance(linear: Linear) -> Float:
-    """Covariance (k, 3, 3) of sphere centres in the profiler frame, from that of (x_c, z_c, w)."""
-    h = linear.centre[:, 1]
-    h = np.copysign(np.maximum(np.abs(h), NEAR_EQUATOR_MM), h)
-    change = by_circle(h)
-    return change @ linear.covariance @ change.mT
+    return replace(fit, covariance=covariance, estimate=replace(estimate, center_mm=center))
 
 
 def _calibration(
@@ -235,11 +223,16 @@ def _calibration(
     pose = pose_from(estimate.rotation, estimate.translation_mm)
     centre, before = signed_centres(estimate, linear, seen), estimate
     if (design := recording.flange_from_profiler) is not None:
-        before = dataclasses.replace(estimate, rotation=design[:3, :3], translation_mm=design[:3, 3])
+        before = replace(estimate, rotation=design[:3, :3], translation_mm=design[:3, 3])
     used = [frame for frames, good in zip(seen.frames, result.used, strict=True) for frame in frames if good]
     off = estimator.distance(Sphere(seen, noise).rows(estimate), result.used, result.covariance[: SIZE + 2, : SIZE + 2])
     offset_u = np.sqrt(result.covariance[-1, -1]) if with_offset else None
     volume = volume_u(covariance, estimate.rotation, view)
+    pairs = [(frame, k) for k in np.flatnonzero(result.used) for frame in seen.frames[k]]
+    frame, k = np.array(pairs).T
+    (x, z), (middle_x, y, middle_z) = sensor.true(recording), np.moveaxis(linear.centre[k, :, None], 1, 0)
+    away = np.sqrt((x[frame] - middle_x) ** 2 + y**2 + (z[frame] - middle_z) ** 2)
+    off_sphere = away[profiles.on_arc[frame]] - estimate.radius_mm
     return Calibration(
         part=recording.part,
         method=method,
@@ -269,7 +262,7 @@ def _calibration(
         residual=linear.residual,
         distance=off,
         used=result.used,
-        residual_rms_mm=_point_rms(profiles, sensor.true(recording), estimate, linear, seen, result.used),
+        residual_rms_mm=np.sqrt(np.mean(off_sphere**2)),
         misfit=answer.stated.chi2 / max(answer.stated.freedom, 1),
         systematic_mm=systematic_mm,
         frames_used=tuple(sorted(used)),
@@ -278,28 +271,3 @@ def _calibration(
         verdict=verdict[1],
         warnings=warnings(answer, scale_u, profiles, stated, systematic_mm, method),
     )
-
-
-def _point_rms(
-    profiles: SphereProfiles,
-    points: tuple[Float, Float],
-    estimate: Estimate,
-    linear: Linear,
-    seen: Observations,
-    used: Bool,
-) -> float:
-    """RMS distance of the measured points from the sphere, over the postures that count."""
-    pairs = [(frame, k) for k in np.flatnonzero(used) for frame in seen.frames[k]]
-    frame, k = np.array(pairs).T
-    x, y, z = np.moveaxis(linear.centre[k, :, None], 1, 0)
-    distance = np.sqrt((points[0][frame] - x) ** 2 + y**2 + (points[1][frame] - z) ** 2)
-    off = distance[profiles.on_arc[frame]] - estimate.radius_mm
-    return float(np.sqrt(np.mean(off**2)))
-
-
-def hand_eye_document(found: Calibration) -> Document:
-    """The calibration as `handeye.json`."""
-    names = ("sensor_scale_u", "sphere_center_mm", "time_offset_s", "time_offset_u_s", "residual_rms_mm", "method")
-    more = {name: getattr(found, name) for name in (*names, "frames_used", "warnings")}
-    more["sphere_diameter_mm"] = 2.0 * found.sphere_radius_mm
-    return hand_eye_file(found.hand_eye, found.part, (found.good_enough, found.verdict), found.frames_rejected, more)

@@ -8,7 +8,7 @@ from itertools import zip_longest
 
 import numpy as np
 
-from workbench.api import DEG, Chapter, Part, Recording, pieces, plot, rpy_from_rotation, stage
+from workbench.api import DEG, Chapter, Recording, pieces, plot, rpy_from_rotation, stage
 from workbench.plugins.calibration.tables import sentence
 from workbench.plugins.calibration.values import Calibration, PosturePlan, SphereProfiles, Validation
 from workbench.plugins.calibration.verdicts import directions_html, pose_facts
@@ -45,10 +45,23 @@ def report(
         >>> calibration.report(found, arcs, ball).title
         'Hand-eye calibration'
     """
+    part, (across, deep) = recording.part, calibration.view.half_mm
     parts = [
         _answer(calibration),
-        *_uncertainty(calibration),
-        *_centres(calibration),
+        pieces.heading("Principal directions of the uncertainty"),
+        directions_html(calibration.directions),
+        pieces.note(
+            "A rotation is one about the middle of the field of view; its u is the displacement at the RMS distance of "
+            f"the field's points (± {across:.0f} mm by ± {deep:.0f} mm)."
+        ),
+        pieces.heading("Sphere centres in the base"),
+        pieces.figure_html(
+            centres_picture(calibration),
+            "Sphere centres in the base, before and after",
+            "The sphere centre in the base as each posture gives it, less the mean, with the nominal and with the "
+            "calibrated hand-eye pose. One scale per row; × rejected. The scatter after the calibration is no measure "
+            "of its error: it is small in every direction that the postures do not determine.",
+        ),
         *_residuals(calibration),
         *_profiles(calibration, profiles, recording),
         *(_validation(validation) if validation else ()),
@@ -57,17 +70,11 @@ def report(
     return Chapter(
         title="Hand-eye calibration",
         html="\n".join(parts),
-        part=_named(recording),
+        part=part if part.part_id else replace(part, part_id=f"Sphere of {recording.sphere_diameter_mm:g} mm"),
         summary=f"Predicted error over the field of view {calibration.volume_u_mm:.3f} mm (standard uncertainty), from "
         f"{int(calibration.used.sum())} of {len(calibration.used)} postures; {calibration.verdict}.",
         warnings=calibration.warnings,
     )
-
-
-def _named(recording: Recording) -> Part:
-    """The recording's part; a sphere without a name by its size."""
-    part = recording.part
-    return part if part.part_id else replace(part, part_id=f"Sphere of {recording.sphere_diameter_mm:g} mm")
 
 
 def _answer(found: Calibration) -> str:
@@ -84,27 +91,6 @@ def _answer(found: Calibration) -> str:
     if found.systematic_mm is not None:
         facts.append(("Systematic robot error, each axis", f"{found.systematic_mm:.2f} mm"))
     return pieces.facts_html(facts) + pieces.paragraph(sentence(found.verdict))
-
-
-def _uncertainty(found: Calibration) -> Iterable[str]:
-    yield pieces.heading("Principal directions of the uncertainty")
-    yield directions_html(found.directions)
-    across, deep = found.view.half_mm
-    yield pieces.note(
-        "A rotation is one about the middle of the field of view; its u is the displacement at the RMS distance of "
-        f"the field's points (± {across:.0f} mm by ± {deep:.0f} mm)."
-    )
-
-
-def _centres(found: Calibration) -> Iterable[str]:
-    yield pieces.heading("Sphere centres in the base")
-    yield pieces.figure_html(
-        centres_picture(found),
-        "Sphere centres in the base, before and after",
-        "The sphere centre in the base as each posture gives it, less the mean, with the nominal and with the "
-        "calibrated hand-eye pose. One scale per row; × rejected. The scatter after the calibration is no measure of "
-        "its error: it is small in every direction that the postures do not determine.",
-    )
 
 
 def _residuals(found: Calibration) -> Iterable[str]:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -84,7 +83,7 @@ class Posed:
         """The recorded poses are moved by what the errors move the flange by."""
         flange, by_errors = erring_flange(self.chain, self.arm, at.errors, self.joints)
         poses = self.seen.here.base_from_flange @ self.back @ flange
-        moved = dataclasses.replace(self.seen, flange=dataclasses.replace(self.seen.here, base_from_flange=poses))
+        moved = replace(self.seen, flange=replace(self.seen.here, base_from_flange=poses))
         linear = linearise(at.estimate, moved, self.noise)
         ball = rows_of(linear, moved, self.noise, at.estimate)
         return ball.beside(linear.by_pose @ by_errors, at.errors, self.arm.prior)
@@ -292,7 +291,7 @@ def together(
     """
     by_place = seen.covariance.copy()
     by_place[:, 2, 2] += noise.radius_mm**4
-    places, at = dataclasses.replace(seen, covariance=by_place), Together(start, np.zeros(len(arm)))
+    places, at = replace(seen, covariance=by_place), Together(start, np.zeros(len(arm)))
     for circles, coarser in ((places, COARSER[0]), *((seen, one) for one in COARSER)):
         found = estimator.fit(Posed(circles, joints, noise.times(coarser), chain, arm), at)
         at = found.at

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -69,19 +68,18 @@ class Scanner:
         pose, spread = self.eye.flange_from_profiler, self.eye.covariance
         own = np.zeros((6, 0)) if spread is None else np.linalg.cholesky(spread)
         known = Estimate(pose[:3, :3], pose[:3, 3], np.zeros(3), self.radius_mm)
-        found = [self._sphere(known, passes, line) for passes, line in zip(groups, where, strict=True)]
+        as_certain = known, np.eye(6) / np.finfo(float).eps  # the pose stays
+        found = []
+        for passes, line in zip(groups, where, strict=True):
+            seen = self.seen.subset(np.isin(self.passes, passes))
+            if len(seen) < LEAST_POSTURES:
+                said = f"expected {LEAST_POSTURES} postures or more that see the sphere, found {len(seen)}"
+                raise InputError(line, said)
+            begun = start_center(known, seen, self.noise)
+            found.append(estimator.fit(Sphere(seen, self.noise, as_certain), begun))
         carried = [-one.carried(one.rows.jacobian[..., :6])[6:9] for one in found]
         centers, covariances = [one.at.center_mm for one in found], [one.covariance[6:9, 6:9] for one in found]
         return Places(np.array(centers), np.array(covariances), np.array(carried) @ own)
-
-    def _sphere(self, known: Estimate, passes: Float, where: str) -> estimator.Fit[Estimate]:
-        seen = self.seen.subset(np.isin(self.passes, passes))
-        if len(seen) < LEAST_POSTURES:
-            said = f"expected {LEAST_POSTURES} postures or more that see the sphere, found {len(seen)}"
-            raise InputError(where, said)
-        # a pose that is as good as certain: it stays
-        held = Sphere(seen, self.noise, (known, np.eye(6) / np.finfo(float).eps))
-        return estimator.fit(held, start_center(known, seen, self.noise))
 
 
 def start_center(estimate: Estimate, seen: Observations, noise: Noise) -> Estimate:
@@ -89,6 +87,6 @@ def start_center(estimate: Estimate, seen: Observations, noise: Noise) -> Estima
     h = np.sqrt(np.maximum(noise.radius_mm**2 - seen.circle[:, 2], 0.0))
     centres = [np.stack([seen.circle[:, 0], sign * h, seen.circle[:, 1]], axis=1) for sign in (1.0, -1.0)]
     points = np.concatenate([to_base(centre, estimate, seen) for centre in centres])
-    tried = [dataclasses.replace(estimate, center_mm=point, radius_mm=noise.radius_mm) for point in points]
+    tried = [replace(estimate, center_mm=point, radius_mm=noise.radius_mm) for point in points]
     off = [np.linalg.norm(linearise(one, seen, noise).residual[:, :2], axis=1) for one in tried]
     return tried[int(np.median(off, axis=1).argmin())]

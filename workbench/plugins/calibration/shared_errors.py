@@ -164,11 +164,17 @@ def correlated(found: Settled, seen: Observations, noise: Noise) -> tuple[Settle
     here, estimate = seen.subset(lenient.used), lenient.at
     seen_mm = HIDDEN * settled(estimator.fit(Sphere(here, noise), estimate), Sphere(here, noise)).noise.pose_mm
     grid = [(a, length) for a in AMPLITUDES_MM for length in (LENGTHS_RAD if a > 0 else LENGTHS_RAD[:1])]
-    amplitude, apart = np.array(grid)[:, 0], _distances(here)
+    amplitude, poses = np.array(grid)[:, 0], here.here.base_from_flange
+    between = inverse(poses)[:, None] @ poses[None]
+    turn, way = vector_from_rotation(between[..., :3, :3]), RAD_PER_MM * between[..., :3, 3]
+    apart = np.sqrt(np.sum(turn**2, axis=-1) + np.sum(way**2, axis=-1))  # of postures (k, k), as rotations in rad
     for _ in range(ROUNDS):
         parts = [_over_postures(estimate, here, noise, a**2 * np.exp(-0.5 * (apart / b) ** 2)) for a, b in grid]
         log = np.array([one.restricted for one in parts])
-        log += _prior_of_amplitude(np.maximum(amplitude, AMPLITUDES_MM[1]), seen_mm)
+        # half-Cauchy prior (Gelman 2006) on a grid of equal ratios; its scale is what the residuals ask: an error so
+        # smooth that the hand-eye pose takes it up leaves the likelihood flat
+        size = np.maximum(amplitude, AMPLITUDES_MM[1])
+        log += np.log(size) - np.log1p((size / seen_mm) ** 2)
         log[0] += np.log(len(LENGTHS_RAD))  # no amplitude stands for all lengths
         mixture = _Mixture(parts, log)
         estimate = estimate.moved(mixture.step)
@@ -185,20 +191,3 @@ def _over_postures(estimate: Estimate, here: Observations, noise: Noise, kernel:
     alone = linear.covariance - own @ own.mT
     shared = estimator.Shared(np.arange(count), alone, own, np.arange(count), np.zeros(count), count, whole)
     return replace(rows_of(linear, here, noise, estimate), shared=(shared,)).normal()
-
-
-def _prior_of_amplitude(amplitude: Float, seen_mm: float) -> Float:
-    """Logarithm of a half-Cauchy prior (Gelman 2006) on a grid of equal ratios; its scale is what the residuals ask.
-
-    An error so smooth that the hand-eye pose takes it up leaves the likelihood flat: without a scale, the largest
-    amplitude of the grid would be as likely as that which the residuals show.
-    """
-    return np.log(amplitude) - np.log1p((amplitude / seen_mm) ** 2)
-
-
-def _distances(here: Observations) -> Float:
-    """How far apart the postures are (k, k), as rotations in rad."""
-    poses = here.here.base_from_flange
-    between = inverse(poses)[:, None] @ poses[None]
-    turn = vector_from_rotation(between[..., :3, :3])
-    return np.asarray(np.sqrt(np.sum(turn**2, axis=-1) + np.sum((RAD_PER_MM * between[..., :3, 3]) ** 2, axis=-1)))

@@ -196,7 +196,13 @@ def tracker(
     u = np.sqrt(predicted + max(rms**2 - tracker_noise_mm**2, 0.0))
     verdict = enough(u, bevel_deg, root_tolerance_mm, "the robot", "estimate tilts too, or calibrate where it works")
     warnings = tuple(left_out.values()) + noisy(found, "the readings", "does the robot repeat, is a target loose?")
-    warnings += _not_as_built(arm, found.at.errors)
+    times = np.abs(found.at.errors) / arm.prior
+    warnings += tuple(
+        f"the {name} is {much:.0f} times what was stated of how it was built: does the table count the joints as the "
+        "cell's URDF does?"
+        for name, much in zip(arm.names, times, strict=True)
+        if much > BEYOND
+    )
     more = {
         "tracker_from_base": found.at.tracker_from_base,
         "registration_covariance": covariance[:6, :6],
@@ -222,15 +228,6 @@ def tracker(
         f"Readings lie {rms:.3f} mm RMS an axis from the model, {more['residual_rms_as_built_mm']:.3f} mm as built. "
         f"{fit_words(found)}",
         UNKNOWN_PART.with_names(part),
-    )
-
-
-def _not_as_built(arm: ArmErrors, values: Float) -> tuple[str, ...]:
-    """A warning for each error that is far beyond how well the robot was said to be built."""
-    return tuple(
-        f"the {arm.names[k]} is {abs(values[k]) / arm.prior[k]:.0f} times what was stated of how it was built: does "
-        "the table count the joints as the cell's URDF does?"
-        for k in np.flatnonzero(np.abs(values) > BEYOND * arm.prior)
     )
 
 

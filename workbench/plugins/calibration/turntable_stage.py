@@ -204,7 +204,12 @@ def turntable(
     believed = () if scanner is None else scanner.warnings
     labels = estimator.Labels(str(marks), every.lines, ask=ASKED)
     table = _Turning(every, angle_noise_deg * DEG)
-    _check_count(every, table.alike, str(marks))
+    if round(3.0 * (1.0 / table.alike).sum()) < 4 + 3 * every.markers:
+        raise InputError(
+            str(marks),
+            f"{len(every.lines)} points of {every.markers} markers leave the axis open: measure "
+            "two markers at two angles, or one at three",
+        )
     table, start = _as_noisy(table)
     found, left_out = estimator.without_blunders(table, start, labels, spare=estimator.LEAST_FREEDOM + 3)
     check_misfit(found, labels)
@@ -217,7 +222,12 @@ def turntable(
     turned_more = table.sway(axis) * (every.angle - every.angle[found.used].mean())[:, None]
     (scale,), ((variance,),) = found.tested(turned_more[..., None])
     scale_u = math.sqrt(variance)
-    _check_angles(1.0 + scale, scale_u, str(marks))
+    if abs(scale) > SURE * scale_u:
+        raise InputError(
+            str(marks),
+            f"the points turn by {1.0 + scale:.4g} times the angles given, to {scale_u:.2g} (u): are angle_deg "
+            "the table's own angles, in deg?",
+        )
     apart += noisy(found, "the points", "is each marker the same point at all angles, does the table wobble?")
     u, direction = worst(axis, covariance, every.point_mm[found.used], reach_mm)
     ask = [*(apart or ("measure at angles farther apart, or markers farther from the axis",))]
@@ -316,24 +326,6 @@ def read_marks(path: InputFile, noise_mm: float, scanner: Scanner | None) -> Mar
         lines = lines[[rows[0] for rows in members]]
         places = scanner.places([values[rows, 1] for rows in members], [f"{path}: line {line}" for line in lines])
     return Marks(places, angle * DEG, marker, tuple(lines.tolist()), len(names))
-
-
-def _check_count(marks: Marks, alike: Float, where: str) -> None:
-    if round(3.0 * (1.0 / alike).sum()) < 4 + 3 * marks.markers:
-        raise InputError(
-            where,
-            f"{len(marks.lines)} points of {marks.markers} markers leave the axis open: measure "
-            "two markers at two angles, or one at three",
-        )
-
-
-def _check_angles(scale: float, scale_u: float, where: str) -> None:
-    if abs(scale - 1.0) > SURE * scale_u:
-        raise InputError(
-            where,
-            f"the points turn by {scale:.4g} times the angles given, to {scale_u:.2g} (u): are angle_deg "
-            "the table's own angles, in deg?",
-        )
 
 
 def worst(axis: Axis, covariance: Float, points_mm: Float, reach_mm: float) -> tuple[float, Float]:

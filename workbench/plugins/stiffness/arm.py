@@ -198,11 +198,8 @@ class GeneralArm:
                 f"{len(poses)} postures to look at, and each takes a search: expected at most {MOST_POSES} (a larger "
                 "step_deg, fewer sampled_points)",
             )
-        if self._last[0] != (key := poses.tobytes()):
-            self._last = key, self._solved(poses)
-        return self._last[1]
-
-    def _solved(self, poses: Float) -> Float:
+        if self._last[0] == (key := poses.tobytes()):
+            return self._last[1]
         found = inverse_kinematics(self.chain, poses)
         which, row = np.nonzero(np.isfinite(found[..., 0]))
         q = found[which, row]
@@ -211,6 +208,7 @@ class GeneralArm:
         order = np.argsort(clear, kind="stable")  # the clearest of a label is written last
         made = np.full((len(poses), 8, 6), np.nan)
         made[which[order], label[order]] = q[order]
+        self._last = key, made
         return made
 
     def _smallest(self, q: Float) -> Float:

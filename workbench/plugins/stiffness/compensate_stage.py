@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -44,11 +44,9 @@ def compensate(
         >>> [len(layer.position_mm) for layer in (plan.layers[-1], moved.layers[-1])]
         [171, 171]
     """
-    return dataclasses.replace(
-        toolpath, claim=None, layers=tuple(_moved(layer, predicted, share) for layer in toolpath.layers)
-    )
+    return replace(toolpath, claim=None, layers=tuple(_moved(layer, predicted, share) for layer in toolpath.layers))
 
 
 def _moved(layer: Layer, predicted: PathDeflection, share: float) -> Layer:
     back = np.einsum("nij,nj->ni", rotation_from_quaternion(layer.quaternion_wxyz), share * predicted.at(layer))
-    return dataclasses.replace(layer, position_mm=layer.position_mm - back)
+    return replace(layer, position_mm=layer.position_mm - back)

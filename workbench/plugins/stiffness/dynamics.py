@@ -23,7 +23,7 @@ from workbench.api import (
 )
 from workbench.plugins.stiffness.elastic import MM, geometric_stiffness
 from workbench.plugins.stiffness.stability import Dynamics
-from workbench.plugins.stiffness.values import RobotModes, ToolMode
+from workbench.plugins.stiffness.values import RobotModes
 
 
 def bodies_of(cell: Cell, masses_kg: Sequence[float] | None) -> Bodies:
@@ -146,10 +146,7 @@ def at_tool(
         damping = 2 * modes.damping[0] * np.sqrt(np.maximum(squared, 0.0))[:, :, None] * np.eye(6)
     else:
         damping = shapes.mT @ (modes.damping[:, None] * shapes)
-    return _with_tool(Dynamics(squared[:, :, None] * np.eye(6), damping, linear @ shapes), modes.tool)
-
-
-def _with_tool(robot: Dynamics, tool: ToolMode | None) -> Dynamics:
+    robot, tool = Dynamics(squared[:, :, None] * np.eye(6), damping, linear @ shapes), modes.tool
     if tool is None:
         return robot
     w, more = 2 * np.pi * tool.frequency_hz, np.diag(np.repeat([0.0, 1.0], [6, 2]))

@@ -91,18 +91,36 @@ def force(
         if coefficients_file is not None
         else _coefficients(cell, material, coefficients)
     )
-    met = {} if engagement is None else {layer.index: layer for layer in engagement.layers}
+    engaged = {} if engagement is None else {layer.index: layer for layer in engagement.layers}
     layers = []
     for layer in toolpath.layers:
-        radial, axial = _depths(layer, met.get(layer.index), toolpath, radial_depth_mm, axial_depth_mm)
+        radial, axial = _depths(layer, engaged.get(layer.index), toolpath, radial_depth_mm, axial_depth_mm)
         if radial.max(initial=0) > toolpath.cutter.diameter_mm:
             raise InputError(
                 f"layer {layer.index}",
                 f"expected a radial depth of at most the cutter's diameter, found {radial.max():.3g} mm",
             )
         per_tooth = layer.feed_mm_s * 60 / (spindle_rpm * toolpath.cutter.flutes)
-        cut = Cut(per_tooth, radial, axial, Teeth(helix_deg * DEG, runout_mm))
-        layers.append(_layer_force(layer, toolpath.cutter, of, cut))
+        met = toolpath.cutter, per_tooth, radial, axial, Teeth(helix_deg * DEG, runout_mm)
+        through = milling_force(of, *met)
+        acts = through[:, :, :3]
+        peak = np.linalg.norm(acts, axis=2).argmax(axis=1)[:, None, None]
+        u = None
+        if of.covariance is not None:  # the mean force is linear in the coefficients
+            each = [milling_force(CuttingCoefficients(*one), *met).mean(axis=1)[:, :3] for one in np.eye(len(NAMES))]
+            u = np.sqrt(np.einsum("ikr,ij,jkr->kr", each, of.covariance, each))
+        layers.append(
+            LayerForce(
+                index=layer.index,
+                arc_length_mm=layer.arc_length_mm,
+                mean_n=acts.mean(axis=1),
+                peak_n=np.take_along_axis(acts, peak, axis=1)[:, 0],
+                torque_nm=through[:, :, 3].mean(axis=1),
+                radial_mm=radial,
+                axial_mm=axial,
+                u_mean_n=u,
+            )
+        )
     process = CuttingProcess(of, helix_deg * DEG)
     found = MillingForce(tuple(layers), of.source, spindle_rpm, assumed, process)
     return found, _document(found, toolpath.part)
@@ -135,39 +153,6 @@ def _depths(
     radial = np.full(len(layer.arc_length_mm), radial_mm if radial_mm is not None else toolpath.depth_of_cut_mm)
     axial = layer.width_mm if axial_mm is None else np.full(len(radial), axial_mm)
     return np.where(layer.cutting, radial, 0.0), np.where(layer.cutting, axial, 0.0)
-
-
-class Cut(NamedTuple):
-    """What the cutter meets at the k points of a layer."""
-
-    per_tooth_mm: Shaped[Float, " k"]
-    radial_mm: Shaped[Float, " k"]
-    axial_mm: Shaped[Float, " k"]
-    teeth: Teeth
-
-
-def _layer_force(layer: Layer, cutter: Cutter, of: CuttingCoefficients, cut: Cut) -> LayerForce:
-    """Mean and peak of a revolution in the point's axes, its mean torque; u of the mean."""
-    through = milling_force(of, cutter, *cut)
-    torque_nm, through = through[:, :, 3].mean(axis=1), through[:, :, :3]
-    size = np.linalg.norm(through, axis=2)
-    peak = np.take_along_axis(through, size.argmax(axis=1)[:, None, None], axis=1)[:, 0]
-    return LayerForce(
-        index=layer.index,
-        arc_length_mm=layer.arc_length_mm,
-        mean_n=through.mean(axis=1),
-        peak_n=peak,
-        torque_nm=torque_nm,
-        radial_mm=cut.radial_mm,
-        axial_mm=cut.axial_mm,
-        u_mean_n=None if of.covariance is None else _u_mean(of.covariance, cutter, cut),
-    )
-
-
-def _u_mean(covariance: Float, cutter: Cutter, cut: Cut) -> Float:
-    """Standard uncertainty (k, 3) of the mean force, which is linear in the coefficients."""
-    each = [milling_force(CuttingCoefficients(*one), cutter, *cut).mean(axis=1)[:, :3] for one in np.eye(len(NAMES))]
-    return np.asarray(np.sqrt(np.einsum("ikr,ij,jkr->kr", each, covariance, each)))
 
 
 def _document(found: MillingForce, part: Part) -> Document:

@@ -400,7 +400,8 @@ def _run_out(tried: Tried, recorded: Sequence[Recorded], per_tooth: Float, cut: 
     def line(size: float, angle: float) -> Float:
         turn = through(size, angle)
         lines = np.fft.fft(turn[..., 0] + 1j * turn[..., 1]) / turn.shape[1]
-        return np.hypot(np.abs(lines[:, 1]), np.abs(lines[:, -1]))
+        once: Float = np.hypot(np.abs(lines[:, 1]), np.abs(lines[:, -1]))
+        return once
 
     size = 0.1 * per_tooth.min() * (cut.cutter.flutes > 1)
     angles, once_n = np.linspace(0, np.pi, 13)[:-1], np.array([one.once_n for one in recorded])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import asdict, replace
 from itertools import cycle
 from typing import Any
 
@@ -94,7 +94,7 @@ def identify(
         raise InputError(f"{cell.source}: $.loading", "expected where sensor, tool and targets sit; it is missing")
     tests = counted_once(read_loads(loads))
     check_clipped(tests)
-    tests = dataclasses.replace(tests, joints=abb_angles(tests.joints, angle_convention))
+    tests = replace(tests, joints=abb_angles(tests.joints, angle_convention))
     check_limits(cell.chain, tests, angle_convention)
     setup = rounded(cell.loading, tests)
     found, notes = identify_from(cell.chain, setup, tests, largest_relative_u, scale_relative_u, as_built_u)
@@ -102,8 +102,8 @@ def identify(
         check_stated(found, cell.joint_stiffness_nm_per_rad, cell.source, tests)
     chapter = stiffness_chapter(found, tests.labels, notes)
     who = UNKNOWN_PART.with_names(part)
-    chapter = dataclasses.replace(chapter, part=who, about="instruments")
-    return found, chapter, stiffness_document(found, part=dataclasses.asdict(who), **notes)
+    chapter = replace(chapter, part=who, about="instruments")
+    return found, chapter, stiffness_document(found, part=asdict(who), **notes)
 
 
 def identify_from(

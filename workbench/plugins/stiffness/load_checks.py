@@ -7,9 +7,9 @@ if they then make sense.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -82,42 +82,37 @@ def explain(
     fits = []
     for what, changed in _readings(chain, tests):
         other = Loading(equations(chain, setup, changed)).fit()
-        share = _share_left(other)
+        variance = np.diagonal(other.rows.covariance, axis1=1, axis2=2)
+        moved = other.rows.residual + other.rows.jacobian @ other.at
+        share = np.sum(other.rows.residual**2 / variance) / np.sum(moved**2 / variance)
         if makes_sense(other, largest_relative_u) and share < EXPLAINED and abs(np.log(other.misfit)) < away:
             fits.append((abs(np.log(other.misfit)) + np.log(share), what))
     fits = sorted(fits)[:2]
     return "; or ".join(what for score, what in fits if score < fits[0][0] + np.log(2.0)) or None
 
 
-def _share_left(found: estimator.Fit[Float]) -> float:
-    """Square of the residuals over that of the displacements, both over the noise."""
-    variance = np.diagonal(found.rows.covariance, axis1=1, axis2=2)
-    moved = found.rows.residual + found.rows.jacobian @ found.at
-    return np.sum(found.rows.residual**2 / variance) / np.sum(moved**2 / variance)
-
-
 def _readings(chain: Chain, tests: LoadingTests) -> Iterator[tuple[str, LoadingTests]]:
     """Each mistake in words, and the tests as they are if it was made."""
     yield (
         "the wrench and the displacement have opposite signs: the file's wrench must be the one that acts on the robot",
-        dataclasses.replace(tests, wrench=-tests.wrench),
+        replace(tests, wrench=-tests.wrench),
     )
     for convention in ("dh", "dh_same_sense"):
         joints = abb_angles(tests.joints, convention)
         if np.isfinite(within_limits(chain, joints)).all():
             yield (
                 f"the joint angles are Denavit-Hartenberg ones: set angle_convention to '{convention}'",
-                dataclasses.replace(tests, joints=joints),
+                replace(tests, joints=joints),
             )
-    yield "the joint angles are in rad, not deg", dataclasses.replace(tests, joints=np.degrees(tests.joints))
+    yield "the joint angles are in rad, not deg", replace(tests, joints=np.degrees(tests.joints))
     rotation = forward_kinematics(chain, tests.joints)[:, :3, :3]
     yield (
         "the wrench is in base axes, not in the sensor's",
-        dataclasses.replace(tests, wrench=_turned(tests.wrench, rotation.mT)),
+        replace(tests, wrench=_turned(tests.wrench, rotation.mT)),
     )
     yield (
         "the displacement is in flange axes, not in the base's",
-        dataclasses.replace(tests, moved=_turned(tests.moved, rotation)),
+        replace(tests, moved=_turned(tests.moved, rotation)),
     )
     yield from _units(tests)
 
@@ -130,15 +125,15 @@ def _turned(values: Float, rotation: Float) -> Float:
 
 def _units(tests: LoadingTests) -> Iterator[tuple[str, LoadingTests]]:
     """Single columns and groups of columns that are a factor off, or of the other sign."""
-    yield "the wrench is 1,000 times too small: in kN and kNm?", dataclasses.replace(tests, wrench=1e3 * tests.wrench)
+    yield "the wrench is 1,000 times too small: in kN and kNm?", replace(tests, wrench=1e3 * tests.wrench)
     if not tests.points:
         both = tests.moved * ([1e3] * 3 + [180 / np.pi] * 3)
-        yield "displacements are in m and rad, not mm and deg", dataclasses.replace(tests, moved=both)
+        yield "displacements are in m and rad, not mm and deg", replace(tests, moved=both)
     for field, names in (("wrench", WRENCH), ("moved", tests.columns)):
         for columns, factor, unit in _factors(names):
             scaled = getattr(tests, field).copy()
             scaled[:, [names.index(name) for name in columns]] *= factor
-            yield _in_words(columns, factor, unit), dataclasses.replace(tests, **{field: scaled})
+            yield _in_words(columns, factor, unit), replace(tests, **{field: scaled})
 
 
 def _factors(names: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], float, str]]:
@@ -188,7 +183,7 @@ def counted_once(tests: LoadingTests) -> LoadingTests:
     again = len(whole) - len(first)
     if not again or not tests.wrench.any():
         return tests
-    return dataclasses.replace(
+    return replace(
         tests,
         labels=tuple(tests.labels[i] for i in first),
         lines=tuple(tests.lines[i] for i in first),
@@ -242,7 +237,7 @@ def rounded(setup: LoadingSetup, tests: LoadingTests) -> LoadingSetup:
                 "ones vanish; give more figures",
             )
         changes[name] = unit * np.hypot(noise, step / np.sqrt(6.0))
-    return dataclasses.replace(setup, **changes)
+    return replace(setup, **changes)
 
 
 def check_clipped(tests: LoadingTests) -> None:

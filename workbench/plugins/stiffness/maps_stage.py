@@ -69,11 +69,14 @@ def maps(
     marked = abb_angles(np.array(TABLE_A1_DEG, float) * DEG, "dh")
     if postures_deg is not None:
         marked = np.array(postures_deg, float).reshape(-1, 6) * DEG
-    fields = [
-        np.array(field)
-        for field in zip(*(_row(cell, stiffness, row, force_n, torque_nm, directions) for row in grid), strict=True)
-    ]
-    of_marked = _row(cell, stiffness, marked, force_n, torque_nm, directions)
+    u = sphere(directions)
+    across = np.cross(u, np.roll(u, 1, axis=1))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    torques = [u, -u, across, np.cross(u, across)]
+    force = np.hstack([u * force_n, np.zeros_like(u)])
+    loads = force, np.vstack([np.hstack([u * force_n, v * torque_nm]) for v in torques])
+    fields = [np.array(field) for field in zip(*(_row(cell, stiffness, row, loads) for row in grid), strict=True)]
+    of_marked = _row(cell, stiffness, marked, loads)
     found = StiffnessMaps(
         axes=axes,
         at=(at_a, at_b),
@@ -88,32 +91,21 @@ def maps(
 
 
 def _row(
-    cell: Cell, stiffness: JointStiffness, joints: Float, force_n: float, torque_nm: float, directions: int
+    cell: Cell, stiffness: JointStiffness, joints: Float, loads: tuple[Float, Float]
 ) -> tuple[Float, Float, Float]:
-    """1/omega (n,), f_p (n,) and f_r (n,) at postures (n, 6)."""
+    """1/omega (n,), f_p (n,) and f_r (n,) at postures (n, 6), under forces alone (m, 6) and with torques (M, 6)."""
     tip = cell.flange_from_cutter[:3, 3]
     j = jacobian(cell.chain, joints, tip) / np.array([MM] * 3 + [1.0] * 3)[:, None]
     omega = np.abs(np.linalg.det(j))
     k = stiffness.nm_per_rad
     (force, force_alone), (both, both_alone) = (
-        [give_way(cell.chain, k, joints[:, None], tip, loads, with_kc=kc)[0] for kc in (True, False)]
-        for loads in _loads(directions, force_n, torque_nm)
+        [give_way(cell.chain, k, joints[:, None], tip, each, with_kc=kc)[0] for kc in (True, False)] for each in loads
     )
     size = np.maximum(*(np.linalg.norm(one[..., :3], axis=-1) for one in (force, force_alone)))
     fp = np.linalg.norm((force - force_alone)[..., :3], axis=-1) / size
     fr = np.abs(both - both_alone)[..., 3:].max(axis=-1)
     with np.errstate(divide="ignore"):
         return 1 / omega, fp.max(axis=1), fr.max(axis=1)
-
-
-def _loads(directions: int, force_n: float, torque_nm: float) -> tuple[Float, Float]:
-    """Forces alone (m, 6); and forces with a torque along them, against them and across them."""
-    u = sphere(directions)
-    across = np.cross(u, np.roll(u, 1, axis=1))
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    torques = [u, -u, across, np.cross(u, across)]
-    force = np.hstack([u * force_n, np.zeros_like(u)])
-    return force, np.vstack([np.hstack([u * force_n, v * torque_nm]) for v in torques])
 
 
 def sphere(count: int) -> Float:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import zip_longest
 from typing import Literal
 
@@ -64,13 +63,13 @@ class PathPoints:
         """Some of the points."""
         columns: tuple[str, ...] = ("base_from_point", "feed_mm_s", "force_n", "torque_nm", "layer", "cutting")
         columns += ("measured", "drift")
-        return dataclasses.replace(self, **{name: getattr(self, name)[indices] for name in columns})
+        return replace(self, **{name: getattr(self, name)[indices] for name in columns})
 
     def densified(self, step_mm: float) -> PathPoints:
         """With points between, where neighbours are farther apart: there the tool goes straight and turns evenly."""
         at, between = _between(self.part_mm, quaternion_from_rotation(self.base_from_point[:, :3, :3]), step_mm)
         low, high = _neighbours(at)
-        return dataclasses.replace(
+        return replace(
             self.only(high),
             base_from_point=between,
             drift=self.drift[low] + ((at - low) * (self.drift[high] - self.drift[low]).T).T,

@@ -67,10 +67,14 @@ def candidates(
     cell: Cell, setup: LoadingSetup, stiffness: Float, joints: Float, force_n: float, targets: int
 ) -> Candidates:
     """What pairs of opposite forces at the cell's load points would tell at given postures (P, 6)."""
-    directions = _directions()
+    # 13 unit directions: axes, diagonals of faces and of the cube; their opposites belong to the pairs
+    grid = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)], float)
+    half = grid[14:]  # behind the middle: one of each opposite two
+    directions = half / np.linalg.norm(half, axis=1, keepdims=True)
     at = np.repeat(setup.load_points_mm, len(directions), axis=0)
     force = np.tile(directions * force_n, (len(setup.load_points_mm), 1))
-    wrench = _at_sensor(setup, at, force)
+    turn, origin = setup.flange_from_sensor[:3, :3].T, setup.flange_from_sensor[:3, 3]
+    wrench = wrench_at(turn, (at - origin) @ turn.T, np.hstack([force, np.zeros_like(force)]))
     count, loads = len(joints), len(wrench)
     every = ("",) * (count * loads)
     tests = _tests(every, np.repeat(joints, loads, axis=0), np.tile(wrench, (count, 1)), targets)
@@ -85,19 +89,6 @@ def _tests(labels: tuple[str, ...], joints: Float, wrench: Float, targets: int) 
     """Tests (L) that are still to be made: nothing has moved."""
     moved = np.zeros((len(labels), len(moved_columns(targets))))
     return LoadingTests("plan", labels, (0,) * len(labels), joints, wrench, moved, targets)
-
-
-def _directions() -> Float:
-    """13 unit directions: axes, diagonals of faces and of the cube; their opposites belong to the pairs."""
-    grid = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)], float)
-    half = grid[14:]  # behind the middle: one of each opposite two
-    return np.asarray(half / np.linalg.norm(half, axis=1, keepdims=True))
-
-
-def _at_sensor(setup: LoadingSetup, point_mm: Float, force: Float) -> Float:
-    """Wrenches (D, 6) in the sensor frame of forces at points of the flange."""
-    turn, origin = setup.flange_from_sensor[:3, :3].T, setup.flange_from_sensor[:3, 3]
-    return wrench_at(turn, (point_mm - origin) @ turn.T, np.hstack([force, np.zeros_like(force)]))
 
 
 @stage("stiffness.plan_loads")
@@ -149,7 +140,11 @@ def plan_loads(
         >>> loads.relative_u.shape
         (6,)
     """
-    setup = _setup(cell, targets)
+    where, setup = f"{cell.source}: $.loading", cell.loading
+    if setup is None or not len(setup.load_points_mm):
+        raise InputError(where, "expected load_points_mm, where forces can be applied")
+    if targets and not 3 <= targets <= len(setup.targets_mm):
+        raise InputError(f"{where}.targets_mm", f"expected three or more, and as many as asked for ({targets})")
     if postures_deg is None:
         joints = free_postures(cell, trials, np.random.default_rng(seed))
         if not len(joints):
@@ -165,15 +160,6 @@ def plan_loads(
     u2 = np.diag(promised(cell.chain, setup, tests, compliance, as_built_u)) / compliance**2
     found = replace(found, relative_u=np.sqrt(u2 + scale_relative_u**2))
     return found, Document("load_plan.csv", _csv(found))
-
-
-def _setup(cell: Cell, targets: int) -> LoadingSetup:
-    where = f"{cell.source}: $.loading"
-    if cell.loading is None or not len(cell.loading.load_points_mm):
-        raise InputError(where, "expected load_points_mm, where forces can be applied")
-    if targets and not 3 <= targets <= len(cell.loading.targets_mm):
-        raise InputError(f"{where}.targets_mm", f"expected three or more, and as many as asked for ({targets})")
-    return cell.loading
 
 
 def _check_postures(cell: Cell, joints: Float) -> None:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -169,7 +168,13 @@ def posture(
     if modes is not None and least_margin:
         cuts = cuts_of(toolpath, force, points.layer, points.base_from_point)
         keeps = Steadiness(cell, modes, cuts, least_margin, stations)
-    _check_apart(Examiner(cell, arm, points, keeps))
+    pair = Examiner(cell, arm, points, keeps).screen.always_near()
+    if pair is not None:
+        raise InputError(
+            f"{cell.source}: {pair[0]}, {pair[1]}",
+            "expected bodies that some posture keeps apart, found these too near in every one: is a shape too large or "
+            "out of place, or may they touch ($.may_touch)?",
+        )
     ways = [
         (way, tables, traversal(arm, kept, way.only(at), rotations, tables))
         for way in _ways(cell, points, tilt_deg, tilt_step_deg)
@@ -202,8 +207,8 @@ def posture(
         asked=None if keeps is None else keeps.asked,
     )
     if mode == "along_path":
-        made = dataclasses.replace(made, warnings=(*made.warnings, _one_pair(found)))
-        found = dataclasses.replace(found, postures=made)
+        made = replace(made, warnings=(*made.warnings, _one_pair(found)))
+        found = replace(found, postures=made)
     return (
         made,
         _gate(gate, found, force),
@@ -264,17 +269,6 @@ def _check_home(kept: Cell) -> None:
         )
 
 
-def _check_apart(examiner: Examiner) -> None:
-    """Refuse bodies that no posture takes apart, before any search."""
-    pair = examiner.screen.always_near()
-    if pair is not None:
-        raise InputError(
-            f"{examiner.cell.source}: {pair[0]}, {pair[1]}",
-            "expected bodies that some posture keeps apart, found these too near in every one: is a shape too large or "
-            "out of place, or may they touch ($.may_touch)?",
-        )
-
-
 Searched = tuple[PathPoints, Float, Traversal]  # a way of the other axes, angles of the sought one, the costs
 
 
@@ -286,7 +280,7 @@ def _ways(cell: Cell, points: PathPoints, tilt_deg: Range | None, step_deg: floa
             yield along_track(cell, points)
         return
     for tilt in _angles(cell, 0, tilt_deg, step_deg):
-        yield dataclasses.replace(points, drift=np.tile([tilt, 0.0], (len(points.layer), 1)))
+        yield replace(points, drift=np.tile([tilt, 0.0], (len(points.layer), 1)))
 
 
 def _best(
@@ -313,7 +307,7 @@ def _best(
             best = examiner, traversed, choice, over
     if best is None:
         raise refused[0]
-    return *best[:2], dataclasses.replace(best[2], examined=examined, of=of), best[3]
+    return *best[:2], replace(best[2], examined=examined, of=of), best[3]
 
 
 def _tables(cell: Cell, limits_deg: Range | None, step_deg: float, points: PathPoints) -> Float:
@@ -349,7 +343,7 @@ def _cases(examiner: Examiner, choice: Choice, over: PostureMap) -> dict[str, Ca
     """What the choice is compared with: how the path was planned, and the worst of its map."""
     as_planned, planned = examiner, examiner.points.planned if examiner.cell.turntable else 0.0
     if np.ndim(planned):
-        points = dataclasses.replace(examiner.points, drift=np.tile(planned, (len(examiner.points.layer), 1)))
+        points = replace(examiner.points, drift=np.tile(planned, (len(examiner.points.layer), 1)))
         as_planned, planned = Examiner(examiner.whole, examiner.arm, points), 0.0
     worst = np.unravel_index(np.nanargmax(over.mean), over.mean.shape)
     places = {
@@ -371,7 +365,7 @@ def _gate(gate: PathGate | None, found: Found, force: MillingForce) -> PathGate 
     short = _unsteady(found.choice, found.asked or 0.0)
     whole = "; ".join([*short, gate.reason, reason])
     passed = gate.passed and not short
-    return dataclasses.replace(gate, reason=whole, passed=passed, reached=True, loosened=loosened)
+    return replace(gate, reason=whole, passed=passed, reached=True, loosened=loosened)
 
 
 # `posture.json`: postures of every point, and the map that the choice was made on. Degrees, mm.

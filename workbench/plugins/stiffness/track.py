@@ -8,7 +8,7 @@ nothing rests on the law being the best one; the judge drives what is written.
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,7 +27,7 @@ def along_track(cell: Cell, points: PathPoints) -> PathPoints:
     way = tool_mm(cell, points)
     room, span = np.ptp(kept.limits) / DEG, np.ptp(way)
     share = min(1.0, MOST_SHARE * room / max(span, 1e-9))
-    return dataclasses.replace(points, drift=share * (way - way[0]) * DEG)
+    return replace(points, drift=share * (way - way[0]) * DEG)
 
 
 def tool_mm(cell: Cell, points: PathPoints) -> Float:

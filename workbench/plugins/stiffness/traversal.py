@@ -6,10 +6,9 @@ least mean displacement is found by best-first search.
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -471,7 +470,7 @@ def search(
     short = np.flatnonzero(np.isfinite(state.margin[1]) & (state.cause == FREE))
     for one in short[np.argsort(-state.margin[1, short])].tolist():
         if state.choose(one, unsteady=True):
-            return dataclasses.replace(state.choice(one), steady=False), state.map()
+            return replace(state.choice(one), steady=False), state.map()
     raise InputError(examiner.points.source, _why_not(state.map(), allowed))
 
 

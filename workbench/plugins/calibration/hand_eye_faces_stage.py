@@ -12,10 +12,8 @@ from workbench.api import (
     Document,
     HandEye,
     InputError,
-    Int,
     Limits,
     Recording,
-    estimator,
     frozen,
     pieces,
     pose_from,
@@ -24,9 +22,9 @@ from workbench.api import (
 )
 from workbench.plugins.calibration.circles_stage import HARMLESS
 from workbench.plugins.calibration.determinacy import Demand, check_postures, directions
-from workbench.plugins.calibration.fixed_faces import At, Part, part_of
-from workbench.plugins.calibration.model import Noise, View, view_of_points, volume_u
-from workbench.plugins.calibration.profile_lines import MOST_LINES, Target, marks_of
+from workbench.plugins.calibration.fixed_faces import part_of
+from workbench.plugins.calibration.model import Noise, view_of_points, volume_u
+from workbench.plugins.calibration.profile_lines import Target, marks_of
 from workbench.plugins.calibration.search import located, undetermined
 from workbench.plugins.calibration.suspicions import turned
 from workbench.plugins.calibration.tables import fit_words, noisy, sentence
@@ -88,9 +86,6 @@ def hand_eye_faces(
         >>> pose.flange_from_profiler.shape
         (4, 4)
     """
-    if target == "points" and recording.x_mm.shape[1] > MOST_LINES:
-        said = f"target 'points' is for a tracker's points, a column each, found {recording.x_mm.shape[1]} columns"
-        raise InputError(f"{recording.source}: /profiles", said)
     if target != "points":
         refuse_unsound(recording, HARMLESS | limits, "calibrate.hand_eye_faces.limits", calibrating=True)
     marks = marks_of(recording, target, profile_noise_mm, corner_mm)
@@ -125,29 +120,16 @@ def hand_eye_faces(
         warned += (f"{len(left_out)} of {len(frames)} profiles left out: all others contradict them (frames {named})",)
     if not alone:
         warned += ("a second answer fits nearly as well: turn the flange about another axis",)
-    return _results(recording, part, best, view, verdict, warned, (frames, left_out))
-
-
-def _results(
-    recording: Recording,
-    part: Part,
-    best: estimator.Fit[At],
-    view: View,
-    verdict: tuple[bool, str],
-    warned: tuple[str, ...],
-    of_frames: tuple[Int, list[int]],
-) -> tuple[HandEye, Document, Chapter]:
-    pose, covariance = pose_from(best.at.pose.rotation, best.at.pose.translation_mm), best.covariance[:6, :6]
-    frames, left_out = of_frames
-    volume = volume_u(covariance, best.at.pose.rotation, view)
-    first = best.covariance.shape[0] - 2 - part.with_offset
+    pose, of_pose = pose_from(best.at.pose.rotation, best.at.pose.translation_mm), covariance[:6, :6]
+    volume = volume_u(of_pose, best.at.pose.rotation, view)
+    first = covariance.shape[0] - 2 - part.with_offset
     middle = (part.middle_mm[0], part.middle_mm[1])
     dated = recording.part.recorded_at
-    eye = HandEye(frozen(pose), frozen(covariance), recording.source, dated, volume, sensor_middle_mm=middle)
-    clock = (best.at.pose.offset_s, np.sqrt(best.covariance[-1, -1])) if part.with_offset else None
+    eye = HandEye(frozen(pose), frozen(of_pose), recording.source, dated, volume, sensor_middle_mm=middle)
+    clock = (best.at.pose.offset_s, np.sqrt(covariance[-1, -1])) if part.with_offset else None
     residual = np.sqrt(np.mean(best.rows.residual[best.used] ** 2))
     more = {
-        "sensor_scale_u": np.sqrt(np.diagonal(best.covariance)[first : first + 2]),
+        "sensor_scale_u": np.sqrt(np.diagonal(covariance)[first : first + 2]),
         **dict(zip(("time_offset_s", "time_offset_u_s"), clock or (), strict=False)),
         "residual_rms_mm": residual,
         "method": part.target,
@@ -161,7 +143,7 @@ def _results(
         (
             pieces.facts_html(facts),
             pieces.paragraph(f"{sentence(verdict[1])} {fit_words(best)}"),
-            directions_html(directions(covariance, best.at.pose, view)),
+            directions_html(directions(of_pose, best.at.pose, view)),
         )
     )
     summary = f"Predicted error over the field of view {volume:.3f} mm (standard uncertainty); {verdict[1]}."

@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from workbench.api import TO_SD, Bool, Float, Int, Recording, Shaped
+from workbench.api import TO_SD, Bool, Float, InputError, Int, Recording, Shaped
 from workbench.plugins.calibration.values import Rejected
 
 Target = Literal["edge", "plane", "points"]
@@ -33,6 +33,9 @@ _Line = tuple[Float, Float]  # two points (2, 2) that tell it, their covariance 
 
 def marks_of(recording: Recording, target: Target, noise_mm: float, corner_mm: float) -> Marks:
     """What every frame shows of the target; frames that do not show it are rejected with the cause."""
+    if target == "points" and recording.x_mm.shape[1] > MOST_LINES:
+        said = f"target 'points' is for a tracker's points, a column each, found {recording.x_mm.shape[1]} columns"
+        raise InputError(f"{recording.source}: /profiles", said)
     frames, points, covariance, rejected = [], [], [], []
     for frame, (x, z) in enumerate(zip(recording.x_mm, recording.z_mm, strict=True)):
         xz = np.column_stack([x, z]).astype(float)

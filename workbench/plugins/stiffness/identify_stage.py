@@ -13,7 +13,6 @@ from workbench.api import (
     NO_NAMES,
     UNKNOWN_PART,
     AngleConvention,
-    Bool,
     Cell,
     Chain,
     Chapter,
@@ -30,7 +29,7 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.ranges import AsBuiltU, RelativeU, ScaleU
-from workbench.plugins.stiffness.beyond_springs import LackOfFit, with_causes
+from workbench.plugins.stiffness.beyond_springs import with_causes
 from workbench.plugins.stiffness.equations import Loading, equations
 from workbench.plugins.stiffness.load_checks import (
     check_clipped,
@@ -144,9 +143,32 @@ def identify_from(
     check_springs(compliance, known, lack, tests, largest_relative_u)
     check_size(compliance, tests)
     out = _left_out(tests, loading, found)
-    warnings = [*tests.warnings, *out, *lack_in_words(found, lack, times)]
+    warnings = [*tests.warnings, *out]
+    if times > 1.0:
+        warnings.append(
+            f"residuals are {np.sqrt(found.misfit):.2f} times what the cell's noise predicts: "
+            f"uncertainties are widened {np.sqrt(times):.2f} times"
+        )
+    if lack.causes:
+        share = np.abs(lack.change / compliance)
+        joint = int(share.argmax())
+        warnings.append(
+            f"six springs alone do not explain the displacements; what would: {lack.causes}. That would "
+            f"change joint {joint + 1} by {100 * share[joint]:.2g} %, and stands in u"
+        )
     use = np.isin(np.arange(len(eq.y)), loading.load[found.used])
-    return _stiffness(found, known, covariance, tests, use, tuple(warnings)), {
+    labels_used = [tests.labels[i] for i in np.flatnonzero(use)]
+    values, spread, condition = reciprocal(compliance, known, covariance, found.misfit)
+    made = JointStiffness(
+        nm_per_rad=values,
+        covariance=spread,
+        condition_number=condition,
+        postures=len(set(labels_used)),
+        loads=len(labels_used),
+        source=tests.source,
+        warnings=tuple(warnings),
+    )
+    return made, {
         "joint_compliance_rad_per_nm": compliance,
         "compliance_covariance": known,
         "residual_over_noise": np.sqrt(found.misfit),
@@ -181,53 +203,19 @@ def _gain(compliance: Float, covariance: Float) -> str:
     )
 
 
-def lack_in_words(found: estimator.Fit[Float], lack: LackOfFit, widened: float) -> list[str]:
-    """What stands in u beside the cell's noise and what was assumed of its set-up, a line each."""
-    lines, times = [], np.sqrt(widened)
-    if times > 1.0:
-        lines.append(
-            f"residuals are {np.sqrt(found.misfit):.2f} times what the cell's noise predicts: "
-            f"uncertainties are widened {times:.2f} times"
-        )
-    if lack.causes:
-        share = np.abs(lack.change / found.at[:6])
-        joint = int(share.argmax())
-        lines.append(
-            f"six springs alone do not explain the displacements; what would: {lack.causes}. That would "
-            f"change joint {joint + 1} by {100 * share[joint]:.2g} %, and stands in u"
-        )
-    return lines
+def reciprocal(compliance: Float, covariance: Float, by_noise: Float, misfit: float) -> tuple[Float, Float, float]:
+    """Stiffness (6,) with its covariance (6, 6), of compliances; and the condition number of the weighted problem.
 
-
-def _stiffness(
-    found: estimator.Fit[Float],
-    covariance: Float,
-    by_noise: Float,
-    tests: LoadingTests,
-    use: Bool,
-    warnings: tuple[str, ...],
-) -> JointStiffness:
-    """Stiffness as the reciprocal of the compliance; `by_noise` (6, 6) is what of its `covariance` is random.
-
-    The compliance is normal and unbiased, its reciprocal is not: its mean is high by the relative variance (that of the
-    residuals, where the loads are better than their stated noise), and its variance has terms of fourth order, which
-    count where a joint is known to 10 or 20 % only.
+    The compliance is normal and unbiased, its reciprocal is not: its mean is high by the relative variance of what is
+    random (`by_noise` (6, 6); that of the residuals, where the loads are better than their stated noise), and its
+    variance has terms of fourth order, which count where a joint is known to 10 or 20 % only.
     """
-    k = 1 / found.at[:6]
+    k = 1 / compliance
     relative = covariance * np.outer(k, k)
     r = np.diag(by_noise) * k**2
     fourth = relative * np.outer(1 + 3 * r, 1 + 3 * r) + 2 * relative**2
     values = np.linalg.eigvalsh(np.linalg.inv(relative))
-    used = [tests.labels[i] for i in np.flatnonzero(use)]
-    return JointStiffness(
-        nm_per_rad=k / (1 + r * min(found.misfit, 1.0)),
-        covariance=fourth * np.outer(k, k),
-        condition_number=np.sqrt(values[-1] / values[0]),
-        postures=len(set(used)),
-        loads=len(used),
-        source=tests.source,
-        warnings=warnings,
-    )
+    return k / (1 + r * min(misfit, 1.0)), fourth * np.outer(k, k), np.sqrt(values[-1] / values[0])
 
 
 # The identified stiffness as a chapter of the report.

@@ -126,7 +126,12 @@ def postures(examiner: Examiner, toolpath: Toolpath, choice: Choice, warnings: t
     """The postures of a choice."""
     cell, points, joints = examiner.cell, examiner.points, choice.joints
     flange_from_point = cell.flange_from_cutter @ inverse(points.point_from_tip)
-    every = np.arange(len(joints))
+    every, speed = np.arange(len(joints)), np.abs(np.diff(joints, axis=0)) / points.time_steps_s[1:, None]
+    too_fast = tuple(  # the controller will slow down there
+        f"joint {j} would need {share:.1f} times its largest speed at the path's feed"
+        for j, share in enumerate((speed.max(axis=0) / cell.chain.speeds).tolist(), 1)
+        if share > 1
+    )
     tables = np.full(len(joints), choice.table)
     table = points.external(tables, every)
     targets = inverse(base_from_targets(cell, table)) @ forward_kinematics(cell.chain, joints) @ flange_from_point
@@ -145,21 +150,11 @@ def postures(examiner: Examiner, toolpath: Toolpath, choice: Choice, warnings: t
         clearance_mm=examiner.screen.clearances_mm(joints, table),
         flange_from_point=flange_from_point,
         has_turntable=cell.turntable is not None,
-        warnings=warnings + _too_fast(cell, joints, points),
+        warnings=warnings + too_fast,
         planned_turntable=points.planned,
         on_track=sliding(cell),
         torque_nm=points.torque_nm,
         spindle_rpm=points.spindle_rpm,
-    )
-
-
-def _too_fast(cell: Cell, joints: Float, points: PathPoints) -> tuple[str, ...]:
-    """Joints that cannot follow the path's own feed: the controller will slow down there."""
-    speed = np.abs(np.diff(joints, axis=0)) / points.time_steps_s[1:, None]
-    return tuple(
-        f"joint {j} would need {share:.1f} times its largest speed at the path's feed"
-        for j, share in enumerate((speed.max(axis=0) / cell.chain.speeds).tolist(), 1)
-        if share > 1
     )
 
 

@@ -207,7 +207,11 @@ def posture(
         asked=None if keeps is None else keeps.asked,
     )
     if mode == "along_path":
-        made = replace(made, warnings=(*made.warnings, _one_pair(found)))
+        win = "without joint stiffness nothing says what angles of each point's own would win"
+        if found.gap is not None:
+            win = f"angles of each point's own would lower the mean displacement by {100 * found.gap:.2g} % at most"
+        one_pair = f"mode along_path: one pair of angles serves all points; {win}"
+        made = replace(made, warnings=(*made.warnings, one_pair))
         found = replace(found, postures=made)
     return (
         made,
@@ -215,14 +219,6 @@ def posture(
         posture_document(found),
         posture_chapter(cell, found, toolpath),
     )
-
-
-def _one_pair(found: Found) -> str:
-    """That one pair of angles serves where each point was to have its own."""
-    told = "mode along_path: one pair of angles serves all points"
-    if found.gap is None:
-        return f"{told}; without joint stiffness nothing says what angles of each point's own would win"
-    return f"{told}; angles of each point's own would lower the mean displacement by {100 * found.gap:.2g} % at most"
 
 
 def _allowed(words: Sequence[tuple[str, ...]], wanted: Sequence[Side]) -> Bool:

@@ -159,8 +159,16 @@ def to_base(centre: Float, estimate: Estimate, seen: Observations) -> Float:
     return mapped(poses, at)
 
 
-def shared_of(linear: Linear, flange: Flange, noise: Noise) -> tuple[estimator.Shared, ...]:
-    """What the frames of each scan share: errors that each recorded pose has of its own, and those of all of them."""
+def rows_of(linear: Linear, seen: Observations, noise: Noise, at: Estimate) -> estimator.Rows:
+    """Circles as the estimator sees them at an estimate, whose radius and scales have the stated ones for a prior.
+
+    Frames of a scan share errors that each recorded pose has of its own, and those of all of them.
+    """
+    size, known = linear.jacobian.shape[2], np.arange(SIZE - 1, SIZE + len(at.scale))
+    prior, away = np.zeros((size, size)), np.zeros(size)
+    prior[known, known] = noise.prior_u[: len(known)] ** -2.0
+    away[known] = [noise.radius_mm - at.radius_mm, *-at.scale]
+    flange = seen.here
     spread, bent = linear.by_pose * noise.spread, np.zeros((len(linear.bent), 3, 1))
     scale = noise.common / (noise.common + (1 - noise.common) * flange.evened)
     bent[:, 2, 0] = scale * linear.bent  # an error in common is so squared too
@@ -168,22 +176,11 @@ def shared_of(linear: Linear, flange: Flange, noise: Noise) -> tuple[estimator.S
     alone[:, 2, 2] -= scale * (2 - scale) * linear.bent**2  # what is its own stays, not its product with the common one
     whole = np.concatenate([spread * np.sqrt(noise.common), bent], axis=2)
     own = spread * np.sqrt(1 - noise.common)
-    return tuple(sharing(scan, alone, own, whole) for scan in flange.scans)
-
-
-def rows_of(linear: Linear, seen: Observations, noise: Noise, at: Estimate) -> estimator.Rows:
-    """Circles as the estimator sees them at an estimate, whose radius and scales have the stated ones for a prior."""
-    size, known = linear.jacobian.shape[2], np.arange(SIZE - 1, SIZE + len(at.scale))
-    prior, away = np.zeros((size, size)), np.zeros(size)
-    prior[known, known] = noise.prior_u[: len(known)] ** -2.0
-    away[known] = [noise.radius_mm - at.radius_mm, *-at.scale]
-    flange = seen.here
-    shared = shared_of(linear, flange, noise)
+    shared = tuple(sharing(scan, alone, own, whole) for scan in flange.scans)
     covariance = linear.covariance.copy()
     for one in shared:
         evened = flange.evened[one.rows, None, None]
-        own, whole = (each @ each.mT for each in (one.own, one.whole))
-        covariance[one.rows] = one.alone + evened * own + whole
+        covariance[one.rows] = one.alone + evened * (one.own @ one.own.mT) + one.whole @ one.whole.mT
     values = np.full(len(linear.residual), 3.0)
     return estimator.Rows(linear.residual, linear.jacobian, covariance, values, prior, away, shared)
 

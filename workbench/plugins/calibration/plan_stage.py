@@ -194,7 +194,12 @@ def plan(
         middle_mm=middle_mm,
         half_mm=(half_width_mm, half_height_mm),
     )
-    return found, _table(found)
+    head = ["posture", *POSE_COLUMNS, "sphere_x_mm", "sphere_y_mm", "sphere_z_mm", "volume_u_after_mm"]
+    quaternion, rows = quaternion_from_rotation(found.base_from_flange[:, :3, :3]), []
+    for i, pose in enumerate(found.base_from_flange):
+        values = [*(f"{v:.3f}" for v in pose[:3, 3]), *(f"{v:.8f}" for v in quaternion[i])]
+        rows.append([i + 1, *values, *(f"{v:.2f}" for v in found.centre_mm[i]), f"{found.volume_u_mm[i + 1]:.4f}"])
+    return found, Document("calibration_plan.csv", csv_bytes(head, rows))
 
 
 def estimate_of(calibration: Calibration) -> Estimate:
@@ -208,13 +213,3 @@ def seen_again(calibration: Calibration, profiles: SphereProfiles, recording: Re
     """Circles joined with the flange's poses, by the scales and the clock that the calibration has found."""
     seen = by_pass(rescaled(profiles, recording, sensor_of(calibration.hand_eye)), recording)
     return seen.place(calibration.time_offset_s or 0.0)
-
-
-def _table(found: PosturePlan) -> Document:
-    """`calibration_plan.csv`: a row a posture."""
-    head = ["posture", *POSE_COLUMNS, "sphere_x_mm", "sphere_y_mm", "sphere_z_mm", "volume_u_after_mm"]
-    quaternion, rows = quaternion_from_rotation(found.base_from_flange[:, :3, :3]), []
-    for i, pose in enumerate(found.base_from_flange):
-        values = [*(f"{v:.3f}" for v in pose[:3, 3]), *(f"{v:.8f}" for v in quaternion[i])]
-        rows.append([i + 1, *values, *(f"{v:.2f}" for v in found.centre_mm[i]), f"{found.volume_u_mm[i + 1]:.4f}"])
-    return Document("calibration_plan.csv", csv_bytes(head, rows))

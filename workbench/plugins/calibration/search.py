@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from itertools import islice
+from itertools import compress, islice
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -194,7 +194,14 @@ def _only_answer(
     rivals = [one for one in others if cost(one) < cost(best) + RIVAL]
     if not rivals:  # a misfit blurs what can be told apart
         return best, all(cost(one) > cost(best) + RIVAL * max(1.0, best.misfit) for one in others)
-    near = [one for one in [best, *rivals] if design is None or _within_reach(target.pose(one.at), design)]
+    near = [best, *rivals]
+    if design is not None:
+        built = Estimate(design[:3, :3], design[:3, 3], np.zeros(3), 0.0)
+        off_mm, off_rad = (
+            np.linalg.norm([between(built, target.pose(one.at))[part] for one in near], axis=1)
+            for part in (slice(3), slice(3, 6))
+        )
+        near = list(compress(near, (off_mm < REACH_MM) & (off_rad < REACH_RAD)))
     if len(near) == 1:
         return near[0], False
     first, second = (near or [best, *rivals])[:2]
@@ -210,11 +217,6 @@ def _two(best: estimator.Fit[S], other: estimator.Fit[S], target: Target[S]) -> 
     """Whether they are two answers, beyond what the better one leaves open."""
     d = between(target.pose(best.at), target.pose(other.at))
     return bool(d @ np.linalg.solve(best.covariance[:6, :6], d) > APART**2 and np.abs(d / SAME).max() > 1.0)
-
-
-def _within_reach(pose: Estimate, design: Float) -> bool:
-    d = between(Estimate(design[:3, :3], design[:3, 3], np.zeros(3), 0.0), pose)
-    return bool(np.linalg.norm(d[:3]) < REACH_MM and np.linalg.norm(d[3:]) < REACH_RAD)
 
 
 def _refuse_unexplained(

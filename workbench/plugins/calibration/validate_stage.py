@@ -11,7 +11,6 @@ from workbench.api import (
     Document,
     Float,
     InputError,
-    Part,
     Recording,
     Shaped,
     estimator,
@@ -137,15 +136,10 @@ def validate(
         misfit=held.chi2 / held.freedom,
         freedom=held.freedom,
     )
-    return found, _document(found, recording.part)
-
-
-def _document(found: Validation, part: Part) -> Document:
-    """`calibration_validation.json`."""
     rows = [
         {"frames": list(frames), "error_mm": error, "u_mm": u}
         for frames, error, u in zip(found.frames, found.error_mm, found.u_mm, strict=True)
     ]
     names = ("how", "rms_mm", "expected_mm", "misfit", "freedom")
-    content = {"part": asdict(part), **{name: getattr(found, name) for name in names}, "postures": rows}
-    return result_file("calibration_validation.json", content)
+    content = {"part": asdict(recording.part), **{name: getattr(found, name) for name in names}, "postures": rows}
+    return found, result_file("calibration_validation.json", content)

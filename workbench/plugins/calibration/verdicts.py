@@ -199,7 +199,14 @@ def warnings(
         which = ", ".join([str(frame) for frames in gross for frame in frames][:12])
         said.append(f"{len(gross)} of {len(found.used)} postures rejected as gross (frames {which})")
     if found.misfit:
-        said.append(_misfit(answer, stated, systematic_mm))
+        fit, but = answer.stated, "robot_error 'correlated' allows for errors that near postures share"
+        if systematic_mm is not None:
+            but = f"systematic errors of {systematic_mm:.2f} mm an axis are allowed for"
+        said.append(
+            f"misfit that repeatability cannot explain: chi-square {fit.chi2:.0f} on {fit.freedom} degrees of "
+            f"freedom; the residuals ask for pose errors of {found.noise.pose_mm:.2f} mm an axis, stated are "
+            f"{stated.pose_mm:g} mm: a systematic robot error, a sphere that moved, or a wrong noise; {but}"
+        )
     for k, (axis, error, u) in enumerate(zip(AXES, found.estimate.scale, scale_u, strict=True), 1):
         if k in answer.free:
             size = f"{abs(100 * error):.1f} ± {100 * u:.1f} % too {'long' if error > 0 else 'short'}"
@@ -228,15 +235,3 @@ def warnings(
     if method != "bundle":
         said.append(f"method '{method}' is for comparison; its uncertainty is propagated from the stated noise")
     return tuple(said)
-
-
-def _misfit(answer: Answer, stated: Noise, systematic_mm: float | None) -> str:
-    fit = answer.stated
-    text = (
-        f"misfit that repeatability cannot explain: chi-square {fit.chi2:.0f} on {fit.freedom} degrees of "
-        f"freedom; the residuals ask for pose errors of {answer.found.noise.pose_mm:.2f} mm an axis, stated are "
-        f"{stated.pose_mm:g} mm: a systematic robot error, a sphere that moved, or a wrong noise"
-    )
-    if systematic_mm is not None:
-        return f"{text}; systematic errors of {systematic_mm:.2f} mm an axis are allowed for"
-    return f"{text}; robot_error 'correlated' allows for errors that near postures share"

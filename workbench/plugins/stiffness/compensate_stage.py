@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.api import Layer, PathDeflection, Toolpath, rotation_from_quaternion, stage
+from workbench.api import PathDeflection, Toolpath, rotation_from_quaternion, stage
 
 
 @stage("stiffness.compensate")
@@ -44,9 +44,9 @@ def compensate(
         >>> [len(layer.position_mm) for layer in (plan.layers[-1], moved.layers[-1])]
         [171, 171]
     """
-    return replace(toolpath, claim=None, layers=tuple(_moved(layer, predicted, share) for layer in toolpath.layers))
-
-
-def _moved(layer: Layer, predicted: PathDeflection, share: float) -> Layer:
-    back = np.einsum("nij,nj->ni", rotation_from_quaternion(layer.quaternion_wxyz), share * predicted.at(layer))
-    return replace(layer, position_mm=layer.position_mm - back)
+    layers = []
+    for layer in toolpath.layers:
+        turn = rotation_from_quaternion(layer.quaternion_wxyz)
+        back = np.einsum("nij,nj->ni", turn, share * predicted.at(layer))
+        layers.append(replace(layer, position_mm=layer.position_mm - back))
+    return replace(toolpath, claim=None, layers=tuple(layers))

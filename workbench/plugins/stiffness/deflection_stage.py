@@ -11,7 +11,6 @@ from workbench.api import (
     AngleConvention,
     Cell,
     Document,
-    Float,
     InputError,
     abb_angles,
     forward_kinematics,
@@ -68,13 +67,6 @@ def deflection(
         rotation = (forward_kinematics(cell.chain, joints) @ cell.flange_from_cutter)[:3, :3]
         wrench = np.concatenate([rotation @ wrench[:3], rotation @ wrench[3:]])
     k = stiffness.nm_per_rad
-    moved, dq = _moved(cell, k, joints, tip, wrench, method)
-    loaded = np.zeros(6) if method == "linear" else wrench
-    found = Deflection(moved[:3], moved[3:], dq, tangent_stiffness(cell.chain, k, joints + dq, tip, loaded))
-    return found, _document(found)
-
-
-def _moved(cell: Cell, k: Float, joints: Float, tip: Float, wrench: Float, method: Method) -> tuple[Float, Float]:
     if method == "balance":
         try:
             dq = balance(cell.chain, 1 / k, joints, tip, wrench)
@@ -84,18 +76,16 @@ def _moved(cell: Cell, k: Float, joints: Float, tip: Float, wrench: Float, metho
                 "stiffness.deflection",
                 f"no balance under {size:.4g} N and {moment:.4g} Nm: the robot buckles; expected a smaller load",
             ) from None
-        return way(cell.chain, joints, dq, tip), dq
-    return give_way(cell.chain, k, joints, tip, wrench, with_kc=method != "linear")
-
-
-def _document(found: Deflection) -> Document:
-    return result_file(
-        "deflection.json",
-        {
-            "frame": "base",
-            "displacement_mm": found.displacement_mm,
-            "rotation_deg": found.rotation / DEG,
-            "joint_deflection_deg": found.joints / DEG,
-            "tangent_stiffness_n_per_m_nm_per_rad": found.tangent_stiffness,
-        },
-    )
+        moved = way(cell.chain, joints, dq, tip)
+    else:
+        moved, dq = give_way(cell.chain, k, joints, tip, wrench, with_kc=method != "linear")
+    loaded = np.zeros(6) if method == "linear" else wrench
+    found = Deflection(moved[:3], moved[3:], dq, tangent_stiffness(cell.chain, k, joints + dq, tip, loaded))
+    content = {
+        "frame": "base",
+        "displacement_mm": found.displacement_mm,
+        "rotation_deg": found.rotation / DEG,
+        "joint_deflection_deg": found.joints / DEG,
+        "tangent_stiffness_n_per_m_nm_per_rad": found.tangent_stiffness,
+    }
+    return found, result_file("deflection.json", content)

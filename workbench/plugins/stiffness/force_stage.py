@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
@@ -19,7 +20,6 @@ from workbench.api import (
     InputFile,
     Layer,
     LayerEngagement,
-    Part,
     Shaped,
     Toolpath,
     nearest,
@@ -84,13 +84,7 @@ def force(
         >>> file.name
         'milling_force.json'
     """
-    if coefficients_file is not None and (coefficients or material) is not None:
-        raise InputError("stiffness.force", "expected a coefficients_file, or coefficients or a material, not both")
-    of, assumed = (
-        (read_coefficients(coefficients_file), "")
-        if coefficients_file is not None
-        else _coefficients(cell, material, coefficients)
-    )
+    of, assumed = _coefficients(cell, material, coefficients, coefficients_file)
     engaged = {} if engagement is None else {layer.index: layer for layer in engagement.layers}
     layers = []
     for layer in toolpath.layers:
@@ -123,11 +117,25 @@ def force(
         )
     process = CuttingProcess(of, helix_deg * DEG)
     found = MillingForce(tuple(layers), of.source, spindle_rpm, assumed, process)
-    return found, _document(found, toolpath.part)
+    rows = [asdict(layer).items() for layer in found.layers]
+    content = {
+        "part": asdict(toolpath.part),
+        "frame": "point",
+        "coefficients": found.source,
+        "spindle_rpm": found.spindle_rpm,
+        "layers": [{name: one for name, one in row if name not in DEPTHS and one is not None} for row in rows],
+    }
+    return found, result_file("milling_force.json", content)
 
 
-def _coefficients(cell: Cell | None, material: str | None, given: Six | None) -> tuple[CuttingCoefficients, str]:
+def _coefficients(
+    cell: Cell | None, material: str | None, given: Six | None, file: Path | None
+) -> tuple[CuttingCoefficients, str]:
     """Of the plate, and what is assumed of it."""
+    if file is not None:
+        if (given or material) is not None:
+            raise InputError("stiffness.force", "expected a coefficients_file, or coefficients or a material, not both")
+        return read_coefficients(file), ""
     if given is not None:
         return CuttingCoefficients(*given), ""
     if material is None and cell is not None and cell.material is not None:
@@ -153,22 +161,6 @@ def _depths(
     radial = np.full(len(layer.arc_length_mm), radial_mm if radial_mm is not None else toolpath.depth_of_cut_mm)
     axial = layer.width_mm if axial_mm is None else np.full(len(radial), axial_mm)
     return np.where(layer.cutting, radial, 0.0), np.where(layer.cutting, axial, 0.0)
-
-
-def _document(found: MillingForce, part: Part) -> Document:
-    return result_file(
-        "milling_force.json",
-        {
-            "part": asdict(part),
-            "frame": "point",
-            "coefficients": found.source,
-            "spindle_rpm": found.spindle_rpm,
-            "layers": [
-                {name: one for name, one in asdict(layer).items() if name not in DEPTHS and one is not None}
-                for layer in found.layers
-            ],
-        },
-    )
 
 
 # Mechanistic milling force over one revolution of a cylindrical end mill (Altintas, Manufacturing Automation, 2012).

@@ -156,6 +156,11 @@ def identify_from(
             f"six springs alone do not explain the displacements; what would: {lack.causes}. That would "
             f"change joint {joint + 1} by {100 * share[joint]:.2g} %, and stands in u"
         )
+    of_gain = 0.01 * compliance / estimator.standard_u(covariance)
+    gain = (
+        "the force sensor's gain against the tracker's scale: 1 % of it changes every joint by 1 % "
+        f"({of_gain.max():.2g} u of joint {of_gain.argmax() + 1}); no residual shows it, scale_relative_u declares it"
+    )
     use = np.isin(np.arange(len(eq.y)), loading.load[found.used])
     labels_used = [tests.labels[i] for i in np.flatnonzero(use)]
     values, spread, condition = reciprocal(compliance, known, covariance, found.misfit)
@@ -175,7 +180,7 @@ def identify_from(
         "residual_over_noise_of_load": np.sqrt(loading.misfits(found.rows)),
         "load_used": use.tolist(),
         "rejected": out,
-        "not_included": [*([] if scale_relative_u else [_gain(compliance, covariance)]), *lack.hidden],
+        "not_included": [*([] if scale_relative_u else [gain]), *lack.hidden],
     }
 
 
@@ -191,16 +196,6 @@ def _left_out(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]
             verb = "does" if len(points) == 1 else "do"
             lines.append(f"line {tests.lines[i]}: point {names} {verb} not move with the others: left out")
     return lines
-
-
-def _gain(compliance: Float, covariance: Float) -> str:
-    """What a scale that no load shows would change."""
-    times = 0.01 * compliance / estimator.standard_u(covariance)
-    joint = int(times.argmax())
-    return (
-        "the force sensor's gain against the tracker's scale: 1 % of it changes every joint by 1 % "
-        f"({times[joint]:.2g} u of joint {joint + 1}); no residual shows it, scale_relative_u declares it"
-    )
 
 
 def reciprocal(compliance: Float, covariance: Float, by_noise: Float, misfit: float) -> tuple[Float, Float, float]:

@@ -215,7 +215,14 @@ def fitted(chain: Chain, start: RobotModes, tests: TapTests, relative_u: float, 
     u = estimator.standard_u(start.covariance)
     prior = np.concatenate([u[:12], np.full(6, FLAT)])
     calm = _Taps(chain, begun, tests, 10 * relative_u, prior, as_built_u)  # far from the answer, resonances mislead
-    _check_scale(calm, tests)
+    value, _ = calm.compliance(np.zeros(len(calm.prior)))  # its size below the resonances is known from the stiffness
+    ratio = np.exp(np.median(np.log(np.abs(tests.value) / np.abs(value))))
+    for scale, words in SCALES.items():
+        if abs(np.log(ratio / scale)) < 0.5 * abs(np.log(scale)) and abs(np.log(ratio)) > np.log(4.0):
+            raise InputError(
+                tests.source,
+                f"the responses are {ratio:.3g} times what stiffness and masses ask for: are they {words}?",
+            )
     near = estimator.fit(calm, np.zeros(len(calm.prior)))
     taps = _Taps(chain, begun, tests, relative_u, prior, as_built_u)
     found = estimator.fit(taps, near.at)
@@ -243,18 +250,6 @@ def fitted(chain: Chain, start: RobotModes, tests: TapTests, relative_u: float, 
         misfit=found.misfit,
         warnings=notes,
     )
-
-
-def _check_scale(taps: _Taps, tests: TapTests) -> None:
-    """Refuse responses in other units: their size below the resonances is known from the stiffness."""
-    value, _ = taps.compliance(np.zeros(len(taps.prior)))
-    ratio = np.exp(np.median(np.log(np.abs(tests.value) / np.abs(value))))
-    for scale, words in SCALES.items():
-        if abs(np.log(ratio / scale)) < 0.5 * abs(np.log(scale)) and abs(np.log(ratio)) > np.log(4.0):
-            raise InputError(
-                tests.source,
-                f"the responses are {ratio:.3g} times what stiffness and masses ask for: are they {words}?",
-            )
 
 
 NOT_INCLUDED = (

@@ -62,10 +62,16 @@ def predict(
     """
     point = base_from_point(cell, postures, toolpath)
     push = np.einsum("nij,nj->ni", point[:, :3, :3], force.at_points(postures.layer, f"{load}_n"))
-    moved = pushed(cell.chain, stiffness.nm_per_rad, postures.joints, point[:, :3, 3], push)
-    in_point = np.einsum("nji,nj->ni", point[:, :3, :3], moved)
+    gives = pushed(cell.chain, stiffness.nm_per_rad, postures.joints, point[:, :3, 3], push)
+    in_point = np.einsum("nji,nj->ni", point[:, :3, :3], gives)
     found = {layer.index: in_point[postures.layer == layer.index] for layer in toolpath.layers}
-    return PathDeflection(found), Document("deflections.csv", _table(found))
+    rows = (
+        [index, i, *(f"{x:.6f}" for x in row)]
+        for index, moved in found.items()
+        for i, row in enumerate((moved + 0.0).tolist())
+    )
+    table = csv_bytes(["layer", "point", "dx_mm", "dy_mm", "dz_mm"], rows)
+    return PathDeflection(found), Document("deflections.csv", table)
 
 
 def base_from_point(cell: Cell, postures: Postures, toolpath: Toolpath) -> Float:
@@ -80,12 +86,3 @@ def base_from_point(cell: Cell, postures: Postures, toolpath: Toolpath) -> Float
     tool = forward_kinematics(cell.chain, postures.joints) @ postures.flange_from_point
     out, back = (pose_from(np.eye(3), np.array([sign * radius_mm, 0.0, 0.0])) for sign in (-1, 1))
     return tool @ out @ turn_about_z(-postures.cutter_rotation) @ back
-
-
-def _table(found: dict[int, Float]) -> bytes:
-    rows = (
-        [index, i, *(f"{x:.6f}" for x in row)]
-        for index, moved in found.items()
-        for i, row in enumerate((moved + 0.0).tolist())
-    )
-    return csv_bytes(["layer", "point", "dx_mm", "dy_mm", "dz_mm"], rows)

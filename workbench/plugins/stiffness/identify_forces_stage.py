@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 import scipy
@@ -157,8 +157,35 @@ def identify_forces(
         runout = _run_out(chosen, recorded, per_tooth, cut, np.radians(helix_deg))
         chosen = _fitted(recorded, per_tooth, cut, chosen.turn, runout.lost_n, as_built_u)
     _check_teeth(recorded, chosen, runout)
-    found = Identified(material, tool, cut, tuple(recorded), per_tooth, len(tried), chosen, runout)
-    return _document(found), _chapter(found)
+    u = estimator.standard_u(chosen.covariance)
+    content = {
+        "material": material,
+        "tool": tool,
+        "cutter_diameter_mm": cutter_diameter_mm,
+        "flutes": flutes,
+        **dict(zip(NAMES, chosen.values, strict=True)),
+        "u": dict(zip(NAMES, u, strict=True)),
+        "covariance": chosen.covariance,
+        "misfit": chosen.misfit,
+        "axes": chosen.words,
+        "least_runout_mm": runout.mm,
+        "recordings": [
+            {
+                "file": Path(one.source).name,
+                "feed_per_tooth_mm": c,
+                "spindle_rpm": one.rpm,
+                "turns": one.turns,
+                "mean_n": one.mean_n,
+                "residual_n": left,
+                "variance_beyond_bandwidth": one.beyond,
+                "once_per_turn_n": one.once_n,
+            }
+            for one, c, left in zip(recorded, per_tooth, chosen.left_n, strict=True)
+        ],
+        "bandwidth_hz": bandwidth_hz,
+        "not_included": NOT_INCLUDED,
+    }
+    return result_file("coefficients.json", content), _chapter(content, chosen, len(tried))
 
 
 def _recorded(path: Path, forces: Forces, cut: Cutting) -> Recorded:
@@ -431,78 +458,35 @@ def _check_teeth(recorded: Sequence[Recorded], chosen: Tried, runout: RunOut) ->
         )
 
 
-class Identified(NamedTuple):
-    """All that was found, for file and chapter."""
-
-    material: str
-    tool: str
-    cut: Cutting
-    recorded: tuple[Recorded, ...]
-    per_tooth: Float
-    tried: int  # ways of the axes
-    chosen: Tried
-    runout: RunOut
-
-
-def _document(found: Identified) -> Document:
-    chosen = found.chosen
-    return result_file(
-        "coefficients.json",
-        {
-            "material": found.material,
-            "tool": found.tool,
-            "cutter_diameter_mm": found.cut.cutter.diameter_mm,
-            "flutes": found.cut.cutter.flutes,
-            **dict(zip(NAMES, chosen.values, strict=True)),
-            "u": dict(zip(NAMES, estimator.standard_u(chosen.covariance), strict=True)),
-            "covariance": chosen.covariance,
-            "misfit": chosen.misfit,
-            "axes": chosen.words,
-            "least_runout_mm": found.runout.mm,
-            "recordings": [
-                {
-                    "file": Path(one.source).name,
-                    "feed_per_tooth_mm": c,
-                    "spindle_rpm": one.rpm,
-                    "turns": one.turns,
-                    "mean_n": one.mean_n,
-                    "residual_n": left,
-                    "variance_beyond_bandwidth": one.beyond,
-                    "once_per_turn_n": one.once_n,
-                }
-                for one, c, left in zip(found.recorded, found.per_tooth, found.chosen.left_n, strict=True)
-            ],
-            "bandwidth_hz": found.cut.bandwidth_hz,
-            "not_included": NOT_INCLUDED,
-        },
-    )
-
-
-def _chapter(found: Identified) -> Chapter:
-    u = estimator.standard_u(found.chosen.covariance)
-    named = zip(("K_tc", "K_rc", "K_ac", "K_te", "K_re", "K_ae"), found.chosen.values, u, strict=True)
+def _chapter(content: dict[str, Any], chosen: Tried, tried: int) -> Chapter:
+    """What the file has as `content`, of one of so many ways of the axes that were tried."""
+    u, names = list(content["u"].values()), ("K_tc", "K_rc", "K_ac", "K_te", "K_re", "K_ae")
+    named = zip(names, chosen.values, u, strict=True)
     rows = [(n, f"{k:.4g} ± {2 * s:.2g}", "N/mm²" if n[-1] == "c" else "N/mm") for n, k, s in named]
-    recorded = found.recorded
+    every = content["recordings"]
     of = {
-        "Feed per tooth, mm": ("{:.4g}", found.per_tooth),
-        "rev/min": ("{:.1f}", [one.rpm for one in recorded]),
-        "Turns": ("{}", [one.turns for one in recorded]),
-        "Mean force, N": ("{:.1f}, {:.1f}, {:.1f}", [found.chosen.turn @ one.mean_n for one in recorded]),
-        "Residual, N": ("{:.2f}, {:.2f}, {:.2f}", found.chosen.left_n),
-        "Variance beyond bandwidth, %": ("{:.0f}, {:.0f}, {:.0f}", [100 * one.beyond for one in recorded]),
+        "Feed per tooth, mm": ("{:.4g}", [one["feed_per_tooth_mm"] for one in every]),
+        "rev/min": ("{:.1f}", [one["spindle_rpm"] for one in every]),
+        "Turns": ("{}", [one["turns"] for one in every]),
+        "Mean force, N": ("{:.1f}, {:.1f}, {:.1f}", [chosen.turn @ one["mean_n"] for one in every]),
+        "Residual, N": ("{:.2f}, {:.2f}, {:.2f}", chosen.left_n),
+        "Variance beyond bandwidth, %": (
+            "{:.0f}, {:.0f}, {:.0f}",
+            [100 * one["variance_beyond_bandwidth"] for one in every],
+        ),
     }
-    misfit = found.chosen.misfit
+    misfit = chosen.misfit
     summary = (
-        f"Cutting coefficients of {found.material}: K_tc = {found.chosen.values[0]:.0f} N/mm² ± {2 * u[0]:.0f} "
-        f"(k = 2), from {len(found.recorded)} recordings"
+        f"Cutting coefficients of {content['material']}: K_tc = {chosen.values[0]:.0f} N/mm² ± {2 * u[0]:.0f} "
+        f"(k = 2), from {len(every)} recordings"
     )
     text = (
         pieces.table_html(("Coefficient", "Value ± U", "Unit"), rows)
         + pieces.columns_html(of)
         + pieces.paragraph(
-            f"Dynamometer's axes, as the cutter has them: {found.chosen.words} ({found.tried} tried). Misfit: "
+            f"Dynamometer's axes, as the cutter has them: {chosen.words} ({tried} tried). Misfit: "
             + ("none, as many coefficients as means" if misfit is None else f"{misfit:.2f} (1 is usual)")
-            + f". Run-out by the once-per-turn line: at least {found.runout.mm:.4f} mm."
+            + f". Run-out by the once-per-turn line: at least {content['least_runout_mm']:.4f} mm."
         )
         + pieces.list_html([f"Not included: {one}" for one in NOT_INCLUDED])
     )

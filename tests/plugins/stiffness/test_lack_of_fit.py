@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.seldom import seldom
 from workbench.errors import InputError
 from workbench.plugins import stiffness
 from workbench.robot import Cell, forward_kinematics, joint_axes
@@ -90,6 +91,7 @@ def shifted(*by: tuple[Any, Any, float]) -> Change:
     return change
 
 
+SELDOM = dict.fromkeys(("forces 15 % too large", "offset of 25 N"), pytest.mark.slow)  # large ones: below
 SMALL: list[tuple[str, Change, str]] = [
     ("sensor 60 mm nearer", lever(60.0), "the force sensor -"),
     ("base that gives", giving(0.1), "a base or links that give by +0."),
@@ -110,7 +112,10 @@ ALONE: list[tuple[str, int, Change, str, int]] = [
 @pytest.mark.parametrize(
     ("targets", "change", "words", "loads"),
     [
-        *(pytest.param(4 * (k % 2), *one[1:], None, id=one[0]) for k, one in enumerate(SMALL)),
+        *(
+            pytest.param(4 * (k % 2), *one[1:], None, id=one[0], marks=SELDOM.get(one[0], ()))
+            for k, one in enumerate(SMALL)
+        ),
         *(pytest.param(*one[1:], id=one[0]) for one in ALONE),
     ],
 )
@@ -153,7 +158,7 @@ def test_a_scale_that_nothing_shows_stands_in_u_and_is_told_where_it_is_declared
     assert (np.abs(identified(high)[0].nm_per_rad - K) < 3 * told.u_nm_per_rad).all()
 
 
-@pytest.mark.parametrize(("joint", "targets"), [(joint, 4 * (joint % 2)) for joint in range(2, 7)])
+@pytest.mark.parametrize(("joint", "targets"), [(2, 0), (3, 4), *seldom((4, 0), (5, 4), (6, 0))])
 def test_a_zero_that_is_2_deg_off_is_within_3_u(identified, cell, noisy, joint, targets):
     """Whether it is named or not; as built they are known to 0.3 deg."""
     found, _ = identified(turned_joint(joint, 2.0)(noisy(64, targets), cell))

@@ -207,6 +207,11 @@ class Postures:
     torque_nm: Shaped[Float, " n"] | None = None  # that the cutter asks of the spindle; None: nobody tells
     spindle_rpm: float = math.nan
 
+    @property
+    def axes(self) -> Float:
+        """(n, a) joint angles, then the external axes, rad."""
+        return np.column_stack([self.joints, self.turntable])
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathDeflection:

@@ -18,7 +18,7 @@ from typing import Any, Literal, Protocol
 from pydantic import ValidationError
 
 from workbench.artefacts import Gate, JointInspection, Recording
-from workbench.batch.store import copied, is_remote, local_path, remote, version_token
+from workbench.batch.store import copied, is_remote, local_path, remote, version_token, write_file
 from workbench.errors import InputError, OutputError, WorkbenchError, one_line
 from workbench.pipeline.document import Copied, PipelineDocument
 from workbench.pipeline.output import OutputDirectory
@@ -140,11 +140,11 @@ class Folder(Protocol):
     def read(self, name: str) -> bytes | None:
         """A file's content; None: there is none."""
 
-    def publish(self, files: Mapping[str, bytes], marker: str) -> None:
-        """Write the files as the folder's one set of results; without `marker`, which comes last, it is none."""
+    def publish(self, files: Mapping[str, bytes]) -> None:
+        """Write the files as the folder's one set of results; without `part.json`, which comes last, it is none."""
 
-    def withdraw(self, marker: str, content: bytes) -> None:
-        """No earlier result may stand for a run that failed; `marker` says why."""
+    def withdraw(self, content: bytes) -> None:
+        """No earlier result may stand for a run that failed; the `part.json` of this content says why."""
 
 
 class LocalFolder:
@@ -171,14 +171,14 @@ class LocalFolder:
         except OSError:
             return None
 
-    def publish(self, files: Mapping[str, bytes], marker: str) -> None:
-        """As Folder; the marker lists what belongs together, so it may come with the rest."""
-        self._results.publish(files, over=marker)
+    def publish(self, files: Mapping[str, bytes]) -> None:
+        """As Folder; `part.json` lists what belongs together, so it may come with the rest."""
+        self._results.publish(files, over=PART_FILE)
 
-    def withdraw(self, marker: str, content: bytes) -> None:
+    def withdraw(self, content: bytes) -> None:
         """As Folder: results move into `superseded/`."""
         self._results.supersede()
-        self._results.publish({marker: content}, over=marker)
+        self.publish({PART_FILE: content})
 
 
 class RemoteFolder:
@@ -199,23 +199,19 @@ class RemoteFolder:
             except FileNotFoundError:
                 return None
 
-    def publish(self, files: Mapping[str, bytes], marker: str) -> None:
+    def publish(self, files: Mapping[str, bytes]) -> None:
         """As Folder."""
-        self._remove(marker)
-        for name in sorted(files, key=lambda name: (name == marker, name == RUN_FILE)):
-            self._write(name, files[name])
+        self._remove(PART_FILE)
+        for name in sorted(files, key=lambda name: (name == PART_FILE, name == RUN_FILE)):
+            write_file(self.url, name, files[name])
 
-    def withdraw(self, marker: str, content: bytes) -> None:
+    def withdraw(self, content: bytes) -> None:
         """As Folder: results are removed."""
         run = self.read(RUN_FILE)
-        self._remove(marker)
+        self._remove(PART_FILE)
         for name in {*filter(is_plain_name, json.loads(run).get("files", []) if run else []), RUN_FILE}:
             self._remove(name)
-        self._write(marker, content)
-
-    def _write(self, name: str, content: bytes) -> None:
-        with remote(self.url, OutputError) as (files, path):
-            files.pipe_file(f"{path}/{name}", content)
+        write_file(self.url, PART_FILE, content)
 
     def _remove(self, name: str) -> None:
         with remote(self.url, OutputError) as (files, path):
@@ -267,7 +263,7 @@ def fail(job: Job, outcome: Outcome, cause: str) -> Record:
     """The record of a part that has no results, written where they would be."""
     record = Record(job.part, job.recording, outcome, cause=cause)
     with suppress(WorkbenchError):  # the page of the fleet tells it in any case
-        folder(job.out).withdraw(PART_FILE, record.content())
+        folder(job.out).withdraw(record.content())
     return record
 
 
@@ -286,7 +282,7 @@ def _run(job: Job, target: Folder) -> Record:
     record = record_of(job.part, job.recording, checked, results, files)
     inputs = tuple({**one, "store": token if one["path"] == job.recording else None} for one in record.inputs)
     record = replace(record, inputs=inputs)
-    target.publish({**files, PART_FILE: record.content()}, PART_FILE)
+    target.publish({**files, PART_FILE: record.content()})
     return record
 
 

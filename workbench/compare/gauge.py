@@ -165,11 +165,8 @@ def gauge(anova: Anova, tolerance_width: float | None) -> Gauge:
                 None if tolerance_width is None else 100 * SPREAD * sd / tolerance_width,
             )
         )
-    return Gauge(tuple(rows), _categories(float(found["PV"]), float(found["GRR"])))
-
-
-def _categories(part: float, grr: float) -> int | None:
-    return max(1, int(CATEGORIES * part / grr)) if grr > 0 and not np.isnan(part) else None
+    part, grr = float(found["PV"]), float(found["GRR"])
+    return Gauge(tuple(rows), max(1, int(CATEGORIES * part / grr)) if grr > 0 and not np.isnan(part) else None)
 
 
 def _standard_deviations(anova: Anova, mean: Mapping[str, Float]) -> dict[str, Float]:
@@ -177,18 +174,14 @@ def _standard_deviations(anova: Anova, mean: Mapping[str, Float]) -> dict[str, F
     p, o, r = anova.parts, anova.operators, anova.trials
     error = mean["repeatability"]
     against = error if anova.pooled else mean["part x operator"]
-    both = _positive(against - error) / r
-    operator = _positive(mean["operator"] - against) / (p * r)
-    part = _positive(mean["part"] - against) / (o * r) if p > 1 else np.full_like(error, np.nan)
+    # A variance is none below zero: the effect is smaller than the study can show.
+    both = np.maximum(against - error, 0.0) / r
+    operator = np.maximum(mean["operator"] - against, 0.0) / (p * r)
+    part = np.maximum(mean["part"] - against, 0.0) / (o * r) if p > 1 else np.full_like(error, np.nan)
     reproducibility = operator + both if o > 1 else np.full_like(error, np.nan)
     grr = error + np.nan_to_num(reproducibility)
     variances = (error, reproducibility, grr, part, grr + np.nan_to_num(part))
     return {name: np.sqrt(variance) for name, variance in zip(NAMES, variances, strict=True)}
-
-
-def _positive(variance: Float) -> Float:
-    """A variance is none below zero: the effect is smaller than the study can show."""
-    return np.maximum(variance, 0.0)
 
 
 def _draws(anova: Anova) -> dict[str, Float]:

@@ -85,7 +85,7 @@ def _of_pass(frames: ProfileFrames, number: int) -> ProfileFrames:
     )
 
 
-def _some(values: Float | None, chosen: Bool) -> Float | None:
+def _some(values: Float | None, chosen: Bool | Int | slice) -> Float | None:
     return None if values is None else values[chosen]
 
 
@@ -410,6 +410,6 @@ def chosen_poses(stream: PoseStream, index: Int | slice) -> PoseStream:
         stream,
         position_mm=stream.position_mm[index],
         quaternion_wxyz=stream.quaternion_wxyz[index],
-        time_s=None if stream.time_s is None else stream.time_s[index],
+        time_s=_some(stream.time_s, index),
         pass_index=None,
     )

@@ -16,7 +16,7 @@ from workbench.errors import InputError, one_line
 from workbench.importing import arrays, programs
 from workbench.importing.assemble import assemble, joined
 from workbench.importing.kinds import AS_A_CLOUD, AS_ARRAYS, read_source
-from workbench.importing.mapping import Mapping, no_mapping
+from workbench.importing.mapping import mapping_of, no_mapping
 from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, ArraysPart
 from workbench.importing.neutral import Imported
 from workbench.importing.roles import (
@@ -323,8 +323,7 @@ def _settle(tree: Tree, sources: Sequence[Path], lines: list[str]) -> tuple[list
 
     Returns doubts, and what is lacking.
     """
-    mapping = Mapping(**tree) if len(tree) == 2 else Mapping.model_validate_json(json.dumps(tree))
-    found, unread = [], []
+    mapping, found, unread = mapping_of(tree), [], []
     for source in sources:
         try:
             one = read_source(source, mapping)
@@ -352,7 +351,7 @@ def _settle(tree: Tree, sources: Sequence[Path], lines: list[str]) -> tuple[list
     if unmoved:
         return doubts, lacking
     try:
-        assemble(found, Mapping.model_validate_json(json.dumps(tree)))
+        assemble(found, mapping_of(tree))
     except InputError as error:
         lacking.append(f"with this mapping: {error}")
     return doubts, lacking
@@ -361,7 +360,7 @@ def _settle(tree: Tree, sources: Sequence[Path], lines: list[str]) -> tuple[list
 def _lacking_of_tracker(tree: Tree, found: Sequence[Imported]) -> list[str]:
     """What the table of a tracker's readings and the robot's postures lacks."""
     try:
-        joined_with_postures(found, Mapping.model_validate_json(json.dumps(tree)))
+        joined_with_postures(found, mapping_of(tree))
     except InputError as error:
         return [f"with this mapping: {error}"]
     return []

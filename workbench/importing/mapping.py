@@ -176,6 +176,11 @@ def no_mapping() -> Mapping:
     return Mapping(format="import-mapping", version=1)
 
 
+def mapping_of(tree: object) -> Mapping:
+    """The mapping that a JSON object is; ValidationError where it is none."""
+    return Mapping.model_validate_json(json.dumps(tree))
+
+
 def read_mapping(path: Path) -> Mapping:
     """Read MAP.json. Raises InputError with all of its problems: line, JSON path, what was expected, nearest name."""
     tree = read_json(path, MAX_BYTES)
@@ -189,7 +194,7 @@ def read_mapping(path: Path) -> Mapping:
         expected = "joints come as a table: part joints of the mapping (docs/importing.md)"
         raise InputError(f"{path}: arrays.{min(gone)}", expected)
     try:
-        mapping = Mapping.model_validate_json(json.dumps(tree))
+        mapping = mapping_of(tree)
     except ValidationError as error:
         found = dict.fromkeys(problems(error, tree, Mapping))
         raise InputError(str(path), told(list(found), path.read_text("utf-8-sig"))) from None

@@ -222,11 +222,10 @@ def _posed(rows: Float, places: list[int], first: list[str], roles: dict[str, Na
         found = _quaternion(roles, places[3:], values, doubt)
         return _joints_placed(places, first, doubt) if turning and not found.kind else found
     names = ("rx", "ry", "rz")
+    roles |= {role: Named(at, "") for role, at in zip(names, places[3:], strict=True)}
     if turns_first:
-        roles |= {role: Named(at, "") for role, at in zip(names, places[3:], strict=True)}
         why = "poses.convention: angles before lengths are taken about the fixed x, y, z; a logarithm of poses is not"
         return Columns("poses", roles, "euler_xyz_extrinsic", "", names, (doubt, why))
-    roles |= {role: Named(at, "") for role, at in zip(names, places[3:], strict=True)}
     if np.nanmax(np.abs(rows[:, places])) <= 2 * np.pi + 1e-3:
         doubt += "; six of them within 2 pi could be joint angles too"
     return _angles(Columns("poses", roles, orientation=names, doubts=(doubt,)), values, "")
@@ -283,7 +282,7 @@ def leading(rows: Float) -> list[str]:
     first: list[str] = []
     for k in range(min(2, rows.shape[1] - 2)):
         values = rows[:, k]
-        whole = np.isfinite(values).all() and (values == np.round(values)).all()
+        whole = _whole(values)
         counted = whole and len(values) > 1 and (np.diff(values) == 1).all() and values[0] in (0, 1)
         if counted or (k == 0 and _rising(values) and np.isnan(rows[:, 1:]).all(axis=1).any()):
             first.append(COUNTER)

@@ -307,10 +307,11 @@ class Table:
         return self.present("time") * TIME_S[unit or "s"] if "time" in self.columns else None
 
 
-def header_names(head: bytes, part: TextPart) -> list[str]:
-    """The column names in the first lines of a file; none where it has no header."""
+def header_names(head: bytes, part: TextPart, delimiter: str = "") -> list[str]:
+    """The column names in the first lines of a file, by the part's delimiter or another; none without a header."""
     lines = head_text(head).split("\n")
-    return cells(lines[part.skip_lines], part.delimiter) if part.header and len(lines) > part.skip_lines else []
+    there = part.header and len(lines) > part.skip_lines
+    return cells(lines[part.skip_lines], delimiter or part.delimiter) if there else []
 
 
 def recognised(part: TextPart | None, path: Path, head: bytes) -> bool:
@@ -334,9 +335,7 @@ def otherwise_separated(head: bytes, part: TextPart) -> str:
     columns = part.wanted.values()
     names = {one for one in columns if isinstance(one, str)}
     last = max((one for one in columns if isinstance(one, int)), default=-1)
-    lines = head_text(head).split("\n")
-    header = lines[part.skip_lines] if part.header and len(lines) > part.skip_lines else ""
-    titles = {mark: cells(header, mark) for mark in DELIMITERS}
+    titles = {mark: header_names(head, part, mark) for mark in DELIMITERS}
     fits = [mark for mark, found in titles.items() if names and names <= set(found) and last < len(found)]
     if form is not None and last < form.rows.shape[1] and names <= set(form.header):
         fits = [form.delimiter]

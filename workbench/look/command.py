@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -20,7 +19,7 @@ from workbench.errors import InputError, one_line
 from workbench.importing import arrays, tracker
 from workbench.importing.draft import drafted
 from workbench.importing.kinds import check_file, read_source
-from workbench.importing.mapping import Mapping, no_mapping, read_mapping
+from workbench.importing.mapping import Mapping, mapping_of, no_mapping, read_mapping
 from workbench.importing.roles import leading
 from workbench.importing.text import first_bytes, form_of, head_text, read_text
 from workbench.look.foreign import frames_alone, joints_alone, numbers_alone, poses_alone, tracker_alone
@@ -261,7 +260,7 @@ def _numbers(file: Path) -> Seen:
 def _drafted(file: Path) -> Seen:
     """A table as a drafted mapping reads it; what is uncertain is told."""
     tree, _ = drafted([file])
-    mapping = Mapping.model_validate_json(json.dumps(tree))
+    mapping = mapping_of(tree)
     found = _foreign(file, mapping)
     if tree.get("profiles", {}).get("frames") == "rows":
         found = _with_corners(file, mapping, found)
@@ -351,7 +350,7 @@ def scene_of(found: Seen) -> Scene | None:
 
 
 def _shading(shade: Shade) -> Shading:
-    from workbench.marks import ramp
+    from workbench.marks import code, ramp
 
     low, high = np.percentile(shade.values, SHARE)
     if not high > low:
@@ -359,7 +358,7 @@ def _shading(shade: Shade) -> Shading:
     palette = ramp(np.linspace(0.0, 1.0, 256))
     index = np.round(255.0 * np.clip((shade.values - low) / max(high - low, 1e-12), 0.0, 1.0)).astype(np.uint8)
     legend = tuple(
-        (f"{low + part * (high - low):.6g}", "#{:02x}{:02x}{:02x}".format(*palette[round(255 * part)]))
+        (f"{low + part * (high - low):.6g}", code(palette[round(255 * part)] / 255.0))
         for part in (0.0, 0.25, 0.5, 0.75, 1.0)
     )
     return Shading(shade.name, index, palette, legend)

@@ -64,15 +64,6 @@ def known_batch(path: Path, toolpath: Toolpath) -> Batch:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shown:
-    """What n places of one part's cut show of one displacement."""
-
-    values: Shaped[Float, " n"]
-    u: Shaped[Float, " n"]  # local
-    prior: Prior
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Together:
     """The values of all parts at n places, the share of their scatter that is left, and how parts differ so far."""
 
@@ -82,30 +73,32 @@ class Together:
     doubt: bool = False  # the part is another than those before it: they do not count
 
 
-def together(shown: Shown, n: int, mean: Float, scatter: float) -> Together:
+def together(values: Float, u: Float, prior: Prior, n: int, mean: Float, scatter: float) -> Together:
     """A part's values and the mean (n,) of those before it, weighed as the module says.
 
     P is what parts differ by beyond what robot and measurement make of it, by all parts so far.
 
     Args:
-        shown: by this part.
+        values: (n,) what the places of this part's cut show of one displacement.
+        u: (n,) local standard uncertainties.
+        prior: of the displacement.
         n: number of parts before.
         mean: (n,) of them there; NaN: they showed nothing.
         scatter: of them, NaN: not known.
     """
-    known, own = np.isfinite(mean), shown.prior.unrepeated**2 + float(np.median(shown.u)) ** 2
+    known, own = np.isfinite(mean), prior.unrepeated**2 + float(np.median(u)) ** 2
     if known.mean() < 0.5 or own == 0.0:
-        return Together(shown.values)
-    off, more = np.where(known, shown.values - mean, 0.0), 1.0 + 1.0 / n
+        return Together(values)
+    off, more = np.where(known, values - mean, 0.0), 1.0 + 1.0 / n
     square = float(np.mean(off[known] ** 2)) / more
     # Along one edge a smooth error may be no more than one value: of n, n - 1 tell how far a next one may be.
     if np.isfinite(scatter) and square > max(scatter**2, own) * scipy.special.fdtri(1.0, n - 1.0, SURE):
-        return Together(shown.values, doubt=True)
+        return Together(values, doubt=True)
     square = ((n - 1) * scatter**2 + square) / n if np.isfinite(scatter) else square
     part = max(square - own, 0.0)
     ahead = (part + own) / n + part
     gain = ahead / (ahead + own)
-    return Together(shown.values - (1.0 - gain) * off, math.sqrt(gain), math.sqrt(square))
+    return Together(values - (1.0 - gain) * off, math.sqrt(gain), math.sqrt(square))
 
 
 def with_part(batch: Batch | None, at: Float, s: Float, parts: Sequence[tuple[Float, Together]]) -> Batch:

@@ -209,9 +209,9 @@ def feed_faults(toolpath: Toolpath, v_fast_mm_s: float | None, acceleration_mm_s
     if (change > acceleration_mm_s2 * step_lengths_mm(position)[1:] * (1.0 + SHARE) + 1e-9).any():
         yield f"the feed changes by more than {acceleration_mm_s2:g} mm/s^2"
     for layer in moves:
-        if isinstance(layer, Layer) and (layer.feed_mm_s[layer.cutting] > slow * (1.0 + SHARE)).any():
-            at = layer.arc_length_mm[layer.cutting & (layer.feed_mm_s > slow * (1.0 + SHARE))][0]
-            yield f"layer {layer.index} cuts faster than {slow:g} mm/s at arc length {at:.1f} mm"
+        if isinstance(layer, Layer):
+            fast_cut = layer.cutting & (layer.feed_mm_s > slow * (1.0 + SHARE))
+            yield from _fault(layer, fast_cut, f"cuts faster than {slow:g} mm/s")
 
 
 def frame_faults(toolpath: Toolpath, edge: Edge) -> Iterator[str]:
@@ -260,13 +260,8 @@ def _advance(toolpath: Toolpath, layer: Layer) -> Iterator[str]:
     step = np.diff(layer.arc_length_mm)
     turn = np.maximum.reduce([_angle(a[1:], a[:-1]) for a in (poses.x, poses.y, poses.z)])
     forward = np.minimum(_forward(poses, poses.origin_mm), _forward(poses, poses.origin_mm - radius * poses.x))
-    for wrong, words in (
-        (forward <= 0.0, "crosses itself"),
-        (turn > TURN_DEG_PER_MM * DEG * np.maximum(step, 0.1), "turns abruptly"),
-    ):
-        if wrong.any():
-            at = layer.arc_length_mm[np.flatnonzero(wrong)[0]]
-            yield f"layer {layer.index} {words} at arc length {at:.1f} mm"
+    yield from _fault(layer, forward <= 0.0, "crosses itself")
+    yield from _fault(layer, turn > TURN_DEG_PER_MM * DEG * np.maximum(step, 0.1), "turns abruptly")
 
 
 def _forward(poses: Poses, points: Float) -> Float:

@@ -26,8 +26,8 @@ from workbench.artefacts import (
 from workbench.errors import InputError
 from workbench.geometry.moves import within
 from workbench.geometry.poses import rotation_from_quaternion
-from workbench.path.batch import Shown, Together, known_batch, together, with_part
-from workbench.path.course import LEAST_DEPTH_MM, Poses, poses_of, turned_about_feed
+from workbench.path.batch import Together, known_batch, together, with_part
+from workbench.path.course import LEAST_DEPTH_MM, Poses, components, poses_of, turned_about_feed
 from workbench.path.displacement import Estimate, Prior, estimate
 from workbench.path.plan import KEY_POINT_MM, cut_stretches
 from workbench.stage import InputFile, stage
@@ -153,7 +153,7 @@ def correct(
         there = before.on(s)
         told = ((there.shift_mm, before.shift_scatter_mm), (there.turn, before.turn_scatter))
         both = [
-            together(Shown(one.values, one.u.local, one.prior), before.parts, *what)
+            together(one.values, one.u.local, one.prior, before.parts, *what)
             for one, what in zip(seen, told, strict=True)
         ]
     others = "" if before is None or not any(one.doubt for one in both) else OTHERS.format(before.parts)
@@ -258,7 +258,7 @@ def _cut(inspection: Inspection, toolpath: Toolpath, final: Layer) -> Cut:
         _usual(root, edge, keep),
         profile.bevel_deg[keep] * DEG,
         _shared_u(angle, profile.bevel_u_deg * DEG, (), keep),
-        np.stack([(off * axis[at[here]]).sum(axis=1) for axis in (b, across)], axis=1),
+        components(off, b[at[here]], across[at[here]]),
     )
 
 

@@ -31,6 +31,11 @@ def unit(vectors: Float) -> Float:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
+def components(vectors: Float, *axes: Float) -> Float:
+    """Components (k, a) of vectors (k, 3) along each of the axes (k, 3)."""
+    return np.stack([(vectors * axis).sum(axis=1) for axis in axes], axis=1)
+
+
 def bevel_normal(normal: Float, across: Float, bevel: float) -> Float:
     """Outward normals b (k, 3) of a bevel face at the angle `bevel` (rad) to the end face: n cos + m sin."""
     return np.asarray(math.cos(bevel) * normal + math.sin(bevel) * across)
@@ -210,8 +215,7 @@ def along_edge(edge: Edge, points_mm: Float) -> tuple[Float, Float]:
     """Arc length (p,) and height (p,) over the lower edge, in its nearest station's section, of points (p, 3) mm."""
     course = lower_course(edge, edge.arc_length_mm)
     at = scipy.spatial.cKDTree(course.position_mm).query(points_mm)[1]
-    off = points_mm - course.position_mm[at]
-    arc, height = ((off * axis[at]).sum(axis=1) for axis in (course.tangent, course.across))
+    arc, height = components(points_mm - course.position_mm[at], course.tangent[at], course.across[at]).T
     return course.arc_length_mm[at] + arc, height
 
 
@@ -234,14 +238,13 @@ def _curvature(edge: Edge, at: Float, normal: Float, across: Float) -> Float:
     """Components (k, 2) of dt/ds along n and m."""
     low, high = np.maximum(at - BEND_MM, 0.0), np.minimum(at + BEND_MM, edge.arc_length_mm[-1])
     turn = _axes(edge, high)[0] - _axes(edge, low)[0]
-    bend = turn / np.maximum(high - low, 1e-9)[:, None]
-    return np.stack([(bend * normal).sum(axis=1), (bend * across).sum(axis=1)], axis=1)
+    return components(turn / np.maximum(high - low, 1e-9)[:, None], normal, across)
 
 
 def _upper(edge: RawEdge, smoothing_mm: float) -> tuple[Float, Float]:
     """The upper edge and the upper surface's direction (n, 2) at the stations, bridged where hidden."""
     off = edge.upper_position_mm - edge.position_mm
-    pairs = [(v * axis).sum(axis=1) for v in (off, edge.upper_inward) for axis in (edge.normal, edge.across)]
+    pairs = np.hstack([components(v, edge.normal, edge.across) for v in (off, edge.upper_inward)]).T
     good = edge.seen & np.isfinite(pairs).all(axis=0)
     if good.sum() < LEAST_STATIONS:
         told = f"seen at {good.sum()} of {good.size} stations" if good.any() else "seen nowhere"

@@ -16,7 +16,7 @@ from workbench.errors import InputError
 from workbench.geometry.distances import LineIndex, Stock, axis_distances, build_stock, index_lines, line_distances
 from workbench.geometry.moves import limit_acceleration, step_lengths_mm
 from workbench.geometry.stations import Cuts, standing_layers
-from workbench.path.course import Bevel, Course, Poses, cutter_ends, finished, lower_course, poses_of
+from workbench.path.course import Bevel, Course, Poses, components, cutter_ends, finished, lower_course, poses_of
 from workbench.path.obstacles import scan_of, sections_of
 from workbench.stage import AtLeast, stage
 from workbench.units import DEG, AnyArray, Bool, Float
@@ -102,8 +102,7 @@ def moves_in_order(toolpath: Toolpath) -> Sequence[tuple[Layer | Travel, int]]:
 
 def from_edge(toolpath: Toolpath, layer: Layer, course: Course) -> Float:
     """A layer's origins in the section plane (k, 2), along n and m, from the lower edge."""
-    off = poses_of(toolpath, layer).origin_mm - course.position_mm
-    return np.stack([(off * course.normal).sum(axis=1), (off * course.across).sum(axis=1)], axis=1)
+    return components(poses_of(toolpath, layer).origin_mm - course.position_mm, course.normal, course.across)
 
 
 def _at_stations(height: Float, s: Float, stations: Float) -> Float:

@@ -23,6 +23,7 @@ from workbench.path.plan import (
     key_points,
     known_well,
     make_layer,
+    make_layers,
     make_plan,
     path_of,
     refuse_allowance,
@@ -216,8 +217,7 @@ def _cut_layers(plan: Plan, heights_of: Callable[[Float], Float]) -> tuple[Layer
             f"nothing of it can be milled: {', '.join(sorted(reasons))} along its whole length; or is upper_side "
             "reversed, or an axis mirrored?",
         )
-    heights = heights_of(plan.stock_mm[reachable])
-    return tuple(make_layer(plan, k + 1, float(h)) for k, h in enumerate(heights))
+    return make_layers(plan, heights_of(plan.stock_mm[reachable]))
 
 
 def _refused(plan: Plan, final: Layer) -> tuple[str, ...]:

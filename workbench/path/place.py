@@ -90,7 +90,7 @@ def _touched(edge: Edge, cloud: Cloud, touched: Points) -> tuple[list[str], floa
     left = np.linalg.inv(information)
     worst = 0.0
     for place, tangent in zip(seen[:: max(len(seen) // 20, 1)], along[:: max(len(along) // 20, 1)], strict=True):
-        moves = np.hstack([np.eye(3), -_cross(place - middle)])
+        moves = np.hstack([np.eye(3), np.cross(place - middle, np.eye(3))])
         across = np.eye(3) - np.outer(tangent, tangent)
         spread = across @ moves @ left @ moves.T @ across
         worst = max(worst, 2.0 * float(np.sqrt(np.linalg.eigvalsh(spread)[-1])))
@@ -116,11 +116,6 @@ def _face(near: Float, place: Float) -> tuple[Float, Float] | None:
         else:
             found.append((int(belongs.sum()), centre, normal))
     return max(found, key=lambda one: one[0])[1:] if found else None
-
-
-def _cross(v: Float) -> Float:
-    """The matrix (3, 3) of v x."""
-    return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
 
 
 def _two_orientations(edge: Edge, cloud: Cloud, evidence: tuple[Check, ...]) -> bool:

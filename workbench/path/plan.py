@@ -107,6 +107,11 @@ def make_layer(plan: Plan, index: int, height_mm: float) -> Layer:
     )
 
 
+def make_layers(plan: Plan, heights: Float) -> tuple[Layer, ...]:
+    """The layers at heights (l,), in cutting order."""
+    return tuple(make_layer(plan, k, height) for k, height in enumerate(heights.tolist(), 1))
+
+
 def lead_heights(beyond_mm: Float, lead_mm: float, clear_mm: float) -> Float:
     """Height (k,) above the layer at places `beyond_mm` (k,) its end: a circle that leaves it tangentially.
 

@@ -31,6 +31,7 @@ from workbench.path.plan import (
     cut_stretches,
     key_points,
     make_layer,
+    make_layers,
     make_plan,
     path_of,
     refuse_cutter,
@@ -198,8 +199,7 @@ def _path(
     down = make_layer(plan, 1, 0.0).cutting
     if not down.any():
         raise InputError("edge", "what fails lies beside clamps or was not measured: the cutter cannot reach it")
-    heights = layer_heights(stock[down], before.depth_of_cut_mm)
-    cut = tuple(make_layer(plan, k + 1, float(h)) for k, h in enumerate(heights))
+    cut = make_layers(plan, layer_heights(stock[down], before.depth_of_cut_mm))
     return path_of(plan, cut, before.cutter, before.depth_of_cut_mm, cloud)
 
 

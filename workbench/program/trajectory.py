@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from workbench.artefacts import ProgramMoves, ProgramTool
+from workbench.artefacts import Postures, ProgramMoves, ProgramTool
 from workbench.dialect import ProgramJob
 from workbench.errors import InputError
 from workbench.geometry.moves import chords_mm
@@ -110,13 +110,17 @@ class Trajectory:
     job: ProgramJob
     cell: Cell
 
+    @property
+    def made(self) -> Postures:
+        """That it goes through."""
+        assert self.job.moves.postures is not None
+        return self.job.moves.postures
+
     @functools.cached_property
     def rows(self) -> list[list[float]]:
         """All that differ from the one before: time, joints, turntable, layer."""
-        made = self.job.moves.postures
-        assert made is not None
         angles, towards, _ = self._fine
-        columns = [self._times(), angles[self.kept], made.layer[towards[self.kept]]]
+        columns = [self._times(), angles[self.kept], self.made.layer[towards[self.kept]]]
         rows: list[list[float]] = np.column_stack(columns).tolist()
         return rows
 
@@ -126,9 +130,7 @@ class Trajectory:
 
         The postures, and between them so many that angles which go evenly from row to row stay on the path.
         """
-        made = self.job.moves.postures
-        assert made is not None
-        seven = np.column_stack([made.joints, made.turntable])
+        seven = self.made.axes
         off, _ = self._between_postures(np.arange(1, len(seven)), np.full(len(seven) - 1, 0.5))
         count = np.clip(np.ceil(np.sqrt(off / (ROW_SHARE * self.job.rounding_mm))), 1, MOST_ROWS).astype(int)
         towards = np.repeat(np.arange(len(seven)), np.append(1, count))
@@ -140,9 +142,7 @@ class Trajectory:
     @functools.cached_property
     def _on_part(self) -> Float:
         """The path's frame (n, 4, 4) at all postures, in the turntable's frame."""
-        made = self.job.moves.postures
-        assert made is not None
-        turned = inverse(turntable_pose(self.cell, made.turntable))
+        made, turned = self.made, inverse(turntable_pose(self.cell, self.made.turntable))
         return np.asarray(turned @ forward_kinematics(self.cell.chain, made.joints) @ made.flange_from_point)
 
     def _between_postures(self, towards: Int, share: Float) -> tuple[Float, Float]:
@@ -150,9 +150,7 @@ class Trajectory:
 
         On the part the path's frame goes straight and turns evenly. Where nothing reaches it, the angles go evenly.
         """
-        made, cell = self.job.moves.postures, self.cell
-        assert made is not None
-        seven = np.column_stack([made.joints, made.turntable])
+        made, cell, seven = self.made, self.cell, self.made.axes
         even = seven[towards - 1] + share[:, None] * (seven[towards] - seven[towards - 1])
         start, end = self._on_part[towards - 1], self._on_part[towards]
         first, last = (quaternion_from_rotation(pose[:, :3, :3]) for pose in (start, end))
@@ -176,8 +174,7 @@ class Trajectory:
 
     def _times(self) -> Float:
         """When each of the kept rows is reached, s."""
-        made, table = self.job.moves.postures, self.cell.turntable
-        assert made is not None
+        made, table = self.made, self.cell.turntable
         angles, towards, share = self._fine
         way = chords_mm(made.position_mm) / made.feed_mm_s[1:]
         whole = np.append(0.0, np.cumsum(way))
@@ -205,9 +202,7 @@ class Trajectory:
         before, here = self.job.moves.point[i - 1 : i + 1].tolist()
         return self._between(before, here)
 
-    def circular(self, i: int) -> Iterable[str]:
-        """Likewise: the postures lie on the arc."""
-        return self.straight(i)
+    circular = straight  # the postures lie on the arc
 
     def remark(self, text: str) -> str:
         """Up to the end of the line."""

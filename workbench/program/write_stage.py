@@ -360,8 +360,7 @@ def too_sudden(moves: Moves, cell: Cell, zone_mm: float) -> Bool | None:
     room = np.minimum(np.append(0.0, length), np.append(length, 0.0)) / 2
     zone = np.maximum(np.minimum(zone_mm, room), NOTHING)
     steps = chords_mm(made.position_mm)
-    seven = np.column_stack([made.joints, made.turntable])
-    a_mm = np.diff(seven, axis=0) / np.maximum(steps, NOTHING)[:, None]  # rad of each a mm of way
+    a_mm = np.diff(made.axes, axis=0) / np.maximum(steps, NOTHING)[:, None]  # rad of each a mm of way
     inside = np.clip(point, 1, len(a_mm) - 1)
     turned = np.abs(a_mm[inside] - a_mm[inside - 1]) * moves.feed_mm_s[:, None]
     asked = turned / (2 * zone / moves.feed_mm_s)[:, None]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from workbench.artefacts import Chapter, Cloud, Edge, Engagement, Inspection, Rework, Stretch, Toolpath
+from workbench.artefacts import Chapter, Cloud, Edge, Engagement, Inspection, Rework, Toolpath
 from workbench.errors import InputError, one_line
 from workbench.report.along import deviation_chart
 from workbench.report.planned import Compared, compared, duration, whole_run
@@ -81,33 +81,22 @@ def _section_rows(inspection: Inspection, rows: list[Compared]) -> Iterator[tupl
     found = inspection.characteristics
     places = [decimals(pair and pair[1] for pair in one.pairs) for one in found]
     for k, row in enumerate(rows):
-        s = row.section
-        root, bevel = (
-            "–" if (pair := one.pairs[k]) is None else measured(*pair, digits)
-            for one, digits in zip(found, places, strict=True)
-        )
-        yield (
-            f"{s.index}",
-            f"{s.arc_length_mm:.1f}",
-            measured(row.root_mm, None, PLACES["root_mm"]),
-            root,
-            _difference(s.values["root_mm"], row.root_mm, PLACES["root_mm"]),
-            measured(row.bevel_deg, None, PLACES["bevel_deg"]),
-            bevel,
-            _difference(s.values["bevel_deg"], row.bevel_deg, PLACES["bevel_deg"]),
-        )
-
-
-def _difference(value: float | None, planned: float | None, places: int) -> str:
-    return "–" if value is None or planned is None else signed(value - planned, places)
+        cells = [f"{row.section.index}", f"{row.section.arc_length_mm:.1f}"]
+        for one, digits in zip(found, places, strict=True):
+            planned, value, pair = getattr(row, one.name), row.section.values[one.name], one.pairs[k]
+            off = "–" if value is None or planned is None else signed(value - planned, PLACES[one.name])
+            of_part = "–" if pair is None else measured(*pair, digits)
+            cells += [measured(planned, None, PLACES[one.name]), of_part, off]
+        yield tuple(cells)
 
 
 def _stretches(rework: Rework) -> Iterator[tuple[str, str, str]]:
-    def row(what: str, stretch: Stretch) -> tuple[str, str, str]:
-        return what, f"{stretch.from_mm:.1f} to {stretch.to_mm:.1f} mm", one_line(stretch.reason)
-
-    yield from (row("Too much material: to be milled again", one) for one in rework.too_much_material)
-    yield from (row("Too little material: cannot be mended", one) for one in rework.too_little_material)
+    for what, found in (
+        ("Too much material: to be milled again", rework.too_much_material),
+        ("Too little material: cannot be mended", rework.too_little_material),
+    ):
+        for one in found:
+            yield what, f"{one.from_mm:.1f} to {one.to_mm:.1f} mm", one_line(one.reason)
 
 
 def _rework_path(rework: Rework | None) -> str:

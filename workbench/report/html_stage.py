@@ -14,11 +14,11 @@ from typing import Any, ClassVar
 import numpy as np
 from markupsafe import Markup
 
-from workbench.artefacts import Chapter, Document, Mark, Part, Provenance, Scene, Shading, Strokes, Verdict
+from workbench.artefacts import Chapter, Document, Mark, Part, Provenance, Scene, Shading, Strokes
 from workbench.artefacts.evidence import MOST_CHARACTERS, iso_date
 from workbench.errors import InputError, one_line
 from workbench.report.scene import everything_mm
-from workbench.report.tables import one_line_a_stage, shown_path
+from workbench.report.tables import WORST_FIRST, one_line_a_stage, shown_path
 from workbench.report.text import render, source
 from workbench.stage import stage
 from workbench.units import AnyArray, Float, Int
@@ -213,7 +213,6 @@ def _text(array: AnyArray) -> str:
     return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode()
 
 
-WORST_FIRST: tuple[Verdict, ...] = ("fail", "undecided", "pass")
 SCENE_POINTS = 300_000  # on the page, all scenes together
 DIGITS, MOST_FILES = 16, 3  # of a digest and of inputs on the first page
 MOST_OPEN = 6  # of what was not checked, beside a certificate

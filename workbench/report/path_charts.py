@@ -9,7 +9,7 @@ from workbench.geometry import moves
 from workbench.marks import GREY, INK, LIMIT, LOWER_EDGE, MEASURED, UPPER_EDGE, Lettering
 from workbench.plot import Axes, Figure
 from workbench.report.along import hatch_hidden, hidden_stretches, label_level
-from workbench.report.planned import layer_colours
+from workbench.report.planned import layer_ink
 from workbench.report.scene import face_ends
 from workbench.report.views import shown_stretch
 from workbench.units import Bool, Float
@@ -89,8 +89,7 @@ def engagement_chart(edge: Edge, toolpath: Toolpath, engagement: Engagement) -> 
     label_level(rows[0], toolpath.depth_of_cut_mm, f"depth of cut {toolpath.depth_of_cut_mm:g} mm")
     for axes, (name, label) in zip(rows, ENGAGED, strict=True):
         for layer in engagement.layers:
-            colour = layer_colours(np.array([layer.index]), count)[0] / 255.0
-            axes.plot(layer.arc_length_mm, getattr(layer, name), color=colour, linewidth=1.1)
+            axes.plot(layer.arc_length_mm, getattr(layer, name), color=layer_ink(layer.index, count), linewidth=1.1)
         axes.set(ylabel=label, ylim=(0.0, None))
         hatch_hidden(axes, hidden_stretches(edge))
     rows[-1].set(xlabel=ALONG)

@@ -22,7 +22,7 @@ from workbench.report.planned import (
     duration,
     feed_key,
     frames_in_base,
-    layer_colours,
+    layer_ink,
     layer_key,
     layer_rows,
     local_turn_deg,
@@ -83,7 +83,7 @@ def plan_html(
         tool_axis_mm=f"{TOOL_AXIS_MM:g}",
         tool_axes=list(zip("xyz", TOOL_AXES, strict=True)),
         edge_colours=(("lower edge", LOWER_EDGE), ("upper edge", UPPER_EDGE)),
-        faces=[(name, colour) for name, colour in faces_seen(edge)],
+        faces=faces_seen(edge),
         face_colours=FACES,
         section_at=f"{stepped.arc_length_mm:.1f}" if stepped else "",
         final=toolpath.layers[-1].index,
@@ -283,11 +283,9 @@ def _draw_points(axes: Axes, cloud: Cloud, edge: Edge, stepped: Stepped) -> None
 
 def _draw_layers(axes: Axes, toolpath: Toolpath, stepped: Stepped, size: float) -> None:
     """Each layer's face, drawn on beyond the upper surface, where its number stands."""
-    count = len(toolpath.layers)
-    named = _named(stepped, size)
+    count, named = len(toolpath.layers), _named(stepped, size)
     for cut in stepped.cuts:
-        colour = layer_colours(np.array([cut.layer.index]), count)[0] / 255.0
-        final = cut is stepped.cuts[-1]
+        colour, final = layer_ink(cut.layer.index, count), cut is stepped.cuts[-1]
         face = np.array([*cut.fillet[::-1], cut.lower, cut.upper])
         axes.plot(*face.T, color=colour, linewidth=2.2 if final else 1.4, zorder=3)
         beyond = _beyond(cut, size)

@@ -144,6 +144,11 @@ def layer_colours(layer: AnyArray, count: int) -> AnyArray:
     return np.where((np.asarray(layer) == 0)[:, None], rgb(AIR), colour)
 
 
+def layer_ink(index: int, count: int) -> str:
+    """'#rrggbb' of one of `count` layers."""
+    return code(layer_colours(np.array([index]), count)[0] / 255.0)
+
+
 def feed_colours(run: Run) -> AnyArray:
     """(k, 3): the darker the slower."""
     low, high = feed_range(run)
@@ -181,9 +186,10 @@ def thickness(edge: Edge) -> str:
 def required(edge: Edge, toolpath: Toolpath) -> Iterator[tuple[str, str, str, str, str]]:
     """Root and angle: name, required, planned lowest and highest along the final layer, expanded uncertainty."""
     bevel = planned_bevel(toolpath, edge)
+    root_u, bevel_u = planned_u(edge, toolpath)
     rows = (
-        ("Root face", " mm", toolpath.root_mm, bevel.root_mm, planned_u(edge, toolpath)[0]),
-        ("Bevel angle", "°", toolpath.bevel_deg, bevel.bevel_deg, planned_u(edge, toolpath)[1]),
+        ("Root face", " mm", toolpath.root_mm, bevel.root_mm, root_u),
+        ("Bevel angle", "°", toolpath.bevel_deg, bevel.bevel_deg, bevel_u),
     )
     for name, unit, nominal, values, u in rows:
         places = decimals([u])

@@ -27,7 +27,7 @@ from workbench.artefacts import (
     u_name,
 )
 from workbench.artefacts.edges import BEVEL_TERMS
-from workbench.marks import GREY, INK, LOWER_EDGE, SIGNS, TOOL_AXES, UPPER_EDGE, VERDICTS, face_shades, rgb
+from workbench.marks import GREY, INK, LOWER_EDGE, SIGNS, TOOL_AXES, UPPER_EDGE, VERDICTS, code, face_shades, ramp, rgb
 from workbench.report.along import developed
 from workbench.report.planned import (
     Compared,
@@ -35,6 +35,7 @@ from workbench.report.planned import (
     feed_colours,
     frames_in_base,
     layer_colours,
+    layer_ink,
     layer_rows,
     middle_of_cut_mm,
     planned_bevel,
@@ -181,9 +182,9 @@ def layer_marks(toolpath: Toolpath, run: Run) -> tuple[Mark, ...]:
     count, marks = len(toolpath.layers), []
     for k, (layer, row) in enumerate(zip(toolpath.layers, layer_rows(toolpath, run), strict=False)):
         line = toolpath.in_base(layer.position_mm)
-        colour = "#{:02x}{:02x}{:02x}".format(*layer_colours(np.array([layer.index]), count)[0])
         facts = tuple((name, value + unit) for name, value, unit in zip(LAYER_FACTS, row, LAYER_UNITS, strict=True))
-        marks.append(Mark(f"{layer.index}", line[int((k + 0.5) / count * len(line))], line, colour, facts))
+        ink = layer_ink(layer.index, count)
+        marks.append(Mark(f"{layer.index}", line[int((k + 0.5) / count * len(line))], line, ink, facts))
     return tuple(marks)
 
 
@@ -326,7 +327,7 @@ def by_deviation(name: str, points: Points, laid: Float, root_mm: Along, bevel_d
     limit = round_limit(np.abs(off[known])) if known.any() else 0.05
     index = np.full(len(off), UNKNOWN, np.uint8)
     index[known] = np.round((np.clip(off[known] / limit, -1.0, 1.0) + 1.0) * STEPS)
-    palette = np.vstack([_diverging(), [rgb(GREY)]])
+    palette = np.vstack([ramp(np.linspace(0.0, 1.0, 2 * STEPS + 1), (BELOW, NONE, ABOVE)), [rgb(GREY)]])
     return Shading(name, index, palette.astype(np.uint8), _legend(limit, palette))
 
 
@@ -373,17 +374,10 @@ def always(value: float) -> Along:
     return lambda where_mm: np.full(len(where_mm), value)
 
 
-def _diverging() -> Float:
-    """(2 STEPS + 1, 3) red, green, blue from below over none to above."""
-    ends = np.array([rgb(BELOW), rgb(NONE), rgb(ABOVE)], float)
-    at = np.linspace(0.0, 2.0, 2 * STEPS + 1)
-    return np.stack([np.interp(at, np.arange(3.0), ends[:, k]) for k in range(3)], axis=1)
-
-
-def _legend(limit_mm: float, palette: Float) -> tuple[tuple[str, str], ...]:
+def _legend(limit_mm: float, palette: AnyArray) -> tuple[tuple[str, str], ...]:
     texts = (f"−{limit_mm:g} mm or less", f"−{limit_mm / 2:g}", "0", f"+{limit_mm / 2:g}", f"+{limit_mm:g} mm or more")
     rows = np.linspace(0, 2 * STEPS, len(texts)).round().astype(int)
-    shown = [
-        (text, "#{:02x}{:02x}{:02x}".format(*palette[row].astype(int))) for text, row in zip(texts, rows, strict=True)
-    ]
-    return (*shown, ("not assessed", GREY))
+    return (
+        *((text, code(palette[row] / 255.0)) for text, row in zip(texts, rows, strict=True)),
+        ("not assessed", GREY),
+    )

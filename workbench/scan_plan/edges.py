@@ -18,6 +18,7 @@ from workbench.compare.surface_stage import rigid
 from workbench.errors import InputError
 from workbench.geometry.grids import fuse
 from workbench.geometry.poses import rotation_from_quaternion
+from workbench.path.course import components
 from workbench.plugins.csv_table import Table
 from workbench.result_files.contract import ResultFile, Vector
 from workbench.scan_plan.information import Joint
@@ -144,8 +145,7 @@ def _beside(cloud: Cloud, line: EdgeLine, joint: Joint) -> Float:
     points = fuse(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, origin)[cloud.keep] + origin
     points = points[:: max(1, len(points) // SAMPLED)]
     nearest = KDTree(line.position_mm).query(points)[1]
-    off = points - line.position_mm[nearest]
-    n, m = (off * line.normal[nearest]).sum(axis=1), (off * line.across[nearest]).sum(axis=1)
+    n, m = components(points - line.position_mm[nearest], line.normal[nearest], line.across[nearest]).T
     outside = (n > BESIDE_MM) | (m > joint.thickness_mm + BESIDE_MM) | (m < -BESIDE_MM)
     return np.asarray(points[outside & (np.hypot(n, m) < NEAR_MM)])
 

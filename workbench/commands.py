@@ -135,14 +135,13 @@ def build_parser() -> Parser:
     samples.add_argument("directory", metavar="DIR")
     viewed = command("view", "show the report and the results in DIR in a browser, served on 127.0.0.1 until Ctrl-C")
     viewed.add_argument("directory", metavar="DIR")
-    viewed.add_argument("--port", type=_port, default=0, metavar="N", help="port to listen on (default: a free one)")
-    viewed.add_argument("--no-browser", action="store_true", help="print the address only")
     opened = command("open", "the workbench's page in a browser: look, inspect, plan, and find results of a folder")
     opened.add_argument(
         "directory", metavar="FOLDER", nargs="?", default=".", help="with recordings (default: this one)"
     )
-    opened.add_argument("--port", type=_port, default=0, metavar="N", help="port to listen on (default: a free one)")
-    opened.add_argument("--no-browser", action="store_true", help="print the address only")
+    for made in (viewed, opened):
+        made.add_argument("--port", type=_port, default=0, metavar="N", help="port to listen on (default: a free one)")
+        made.add_argument("--no-browser", action="store_true", help="print the address only")
     completed = command("completion", "print the script by which a shell completes commands, options and pipelines")
     completed.add_argument("shell", choices=("bash", "zsh"), help='such as: eval "$(workbench completion bash)"')
     shown = command("view-cell", "show a robot cell in a posture; print its limits, reach, warnings and clearance")

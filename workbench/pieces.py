@@ -50,6 +50,11 @@ def minus(text: str) -> str:
     return re.sub(r"(?<![\w.])-(?=\d)", "−", re.sub(r"(?<![\w.])[+-](?=0(?:\.0+)?(?![\d.]))", "", text))
 
 
+def number(value: float | None, form: str) -> str:
+    """A value in a format of numbers; a dash where there is none."""
+    return "–" if value is None or not np.isfinite(value) else format(value, form)
+
+
 def _shown(value: str) -> str:
     return minus(escape(value))
 

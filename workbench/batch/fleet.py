@@ -121,7 +121,7 @@ def _statistics(records: Sequence[Record], found: Sequence[Characteristic]) -> M
     return {
         "studies": studies,
         "pictures": [data_address(control_charts(one.what, one.charts)) for one in studies],
-        "trend": data_address(trend_chart(found)),
+        "trend": data_address(trend_chart(studies)),
         "worst": data_address(worst_chart(found, counts)),
         "worst_text": worst_text(counts),
         "signals": signals[:SIGNALS],
@@ -319,17 +319,17 @@ def _span(values: Sequence[float]) -> tuple[float, float]:
     return min(known) - room, max(known) + room
 
 
-def trend_chart(found: Sequence[Characteristic]) -> bytes:
+def trend_chart(studies: Sequence[Study]) -> bytes:
     """SVG: the mean over each part's sections, the lowest and the highest, and the straight line through the means."""
-    figure = Figure(figsize=(WIDE_IN, 2.4 * len(found)))
-    rows = figure.subplots(len(found), 1, sharex=True)
-    for axes, what in zip(rows, found, strict=True):
+    figure = Figure(figsize=(WIDE_IN, 2.4 * len(studies)))
+    rows = figure.subplots(len(studies), 1, sharex=True)
+    for axes, one in zip(rows, studies, strict=True):
+        what, fit = one.what, one.whole
         known = np.flatnonzero(np.isfinite(what.value).any(axis=1))
         inside = what.value[known]
         mean = np.nanmean(inside, axis=1)
         axes.fill_between(known + 1, np.nanmin(inside, axis=1), np.nanmax(inside, axis=1), color=MEASURED, alpha=0.2)
         _draw_line(axes, known + 1, mean)
-        fit = capability(part_means(what), np.zeros(len(what.value)), what.lower, what.upper)
         if math.isfinite(fit.slope):
             axes.plot(known + 1, mean.mean() + fit.slope * (known - known.mean()), color=INK, linewidth=1.2)
         _draw_tolerance(axes, what)

@@ -13,7 +13,7 @@ from workbench.compare.statistics import Summary
 from workbench.compare.surface_stage import Deviations, Registration, Surface
 from workbench.geometry.poses import inverse, mapped
 from workbench.marks import DIVERGING, Colour, ramp
-from workbench.pieces import BLUE, GREY, ORANGE, PALE
+from workbench.pieces import BLUE, GREY, ORANGE, PALE, number
 from workbench.plot import Axes, Figure, nice_ticks
 from workbench.units import Bool
 
@@ -104,9 +104,9 @@ def _regions(summary: Summary) -> list[str]:
             f"{one.from_mm:.1f} to {one.to_mm:.1f}",
             f"{one.across_from_mm:.1f} to {one.across_to_mm:.1f}",
             f"{one.area_mm2:.0f}",
-            _signed(one.mean_mm),
-            _number(one.u_mm),
-            _signed(one.extreme_mm),
+            number(one.mean_mm, "+.4f"),
+            number(one.u_mm, ".4f"),
+            number(one.extreme_mm, "+.4f"),
         )
         for k, one in enumerate(summary.regions[:MOST_REGIONS], start=1)
     ]
@@ -132,9 +132,9 @@ def _sections(summary: Summary) -> str:
             f"{one.index}",
             f"{one.arc_length_mm:.1f}",
             f"{one.places}",
-            *(_signed(value) for value in (one.mean_mm, one.least_mm, one.most_mm)),
-            _number(one.detectable_mm),
-            "–" if math.isnan(one.significant) else f"{100 * one.significant:.0f}",
+            *(number(value, "+.4f") for value in (one.mean_mm, one.least_mm, one.most_mm)),
+            number(one.detectable_mm, ".4f"),
+            number(100 * one.significant, ".0f"),
         )
         for one in summary.sections
     ]
@@ -143,7 +143,8 @@ def _sections(summary: Summary) -> str:
 
 def _percentiles(summary: Summary) -> str:
     head = ("", *(f"{k} %" for k in summary.percentiles_mm))
-    return pieces.table_html(head, [("Distance, mm", *(_signed(value) for value in summary.percentiles_mm.values()))])
+    found = (number(value, "+.4f") for value in summary.percentiles_mm.values())
+    return pieces.table_html(head, [("Distance, mm", *found)])
 
 
 def _registration(found: Registration | None, position_u_mm: float) -> list[str]:
@@ -169,14 +170,6 @@ def _registration(found: Registration | None, position_u_mm: float) -> list[str]
         pieces.facts_html(facts),
         pieces.note("± one standard uncertainty. A direction that the surfaces do not determine is not fitted."),
     ]
-
-
-def _signed(value: float) -> str:
-    return "–" if math.isnan(value) else f"{value:+.4f}"
-
-
-def _number(value: float) -> str:
-    return "–" if math.isnan(value) else f"{value:.4f}"
 
 
 # Pictures of deviations: maps as seen from outside, along the part, histogram.

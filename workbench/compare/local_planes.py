@@ -85,11 +85,6 @@ def outwards(normal: Float, centre: Float, flat: Bool, range_axis: Float | None)
 Target = Callable[[Float], tuple[Float, Float]]  # points (n, 3) -> feet (n, 3) and outward normals (n, 3); NaN: none
 
 
-def target_of(reference: Surface, spacing_mm: float, radius_mm: float) -> Target:
-    """Nearest places of a surface."""
-    return on_mesh(reference) if reference.triangles is not None else on_scan(reference, spacing_mm, radius_mm)
-
-
 def on_scan(reference: Surface, spacing_mm: float, radius_mm: float) -> Target:
     """Feet on the plane through the nearest flat neighbourhood of a scan."""
     local = surfels(reference, spacing_mm, radius_mm)

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from workbench.artefacts import Document
 from workbench.children import in_one_thread
-from workbench.compare.local_planes import Surfels, Target, surfels, target_of
+from workbench.compare.local_planes import Surfels, Target, on_mesh, on_scan, surfels
 from workbench.compare.surface_stage import Registration, Surface, rigid
 from workbench.errors import InputError
 from workbench.geometry.coarse import coarse_registration, fine_registration
@@ -175,12 +175,16 @@ def register(
     coarse_target = _sampled(reference, spacing_mm, radius_mm)
     _check_flat(scan, source, radius_mm)
     _check_flat(reference, coarse_target, radius_mm)
-    starts = _by_features(scan, coarse_target, COARSE_SPACINGS * spacing_mm) if start == "features" else [pose]
+    starts = [pose]
+    if start == "features":
+        places, voxel_mm = coarse_target.centre_mm, COARSE_SPACINGS * spacing_mm
+        found_starts = in_one_thread(coarse_registration, scan.points_mm, places, voxel_mm)
+        starts = [one.target_from_source for one in found_starts]
     found_poses = [coarse(source, coarse_target, one, reach_mm) for one in starts]
-    target = target_of(reference, spacing_mm, radius_mm)
+    target = on_mesh(reference) if reference.triangles is not None else on_scan(reference, spacing_mm, radius_mm)
     found_pose = max(found_poses, key=lambda one: int(equations_at(source, target, one, reach_mm).use.sum()))
     pose, equations = refine(source, target, found_pose, pose, reach_mm, open_directions == "hold")
-    overlap = _overlap(source, equations)
+    overlap = float(equations.use.sum() / max(int(source.flat.sum()), 1))
     rms = float(np.sqrt(np.average(equations.residual_mm**2, weights=equations.weight))) if overlap else math.nan
     _check(scan, equations, overlap, rms, least_overlap, largest_rms_mm)
     size, vectors = equations.directions()
@@ -205,13 +209,6 @@ def register(
     return found, _document(found, scan, reference)
 
 
-def _by_features(scan: Surface, target: Surfels, voxel_mm: float) -> list[Float]:
-    """Candidates for the start, from nothing."""
-    return [
-        one.target_from_source for one in in_one_thread(coarse_registration, scan.points_mm, target.centre_mm, voxel_mm)
-    ]
-
-
 def _sampled(reference: Surface, spacing_mm: float, radius_mm: float) -> Surfels:
     """Local planes of a reference; of a mesh, points on it with their normals."""
     if reference.triangles is None:
@@ -227,11 +224,6 @@ def _sampled(reference: Surface, spacing_mm: float, radius_mm: float) -> Surfels
     count = int(np.clip(mesh.get_surface_area() / spacing_mm**2, 1000, MOST_PLACES))
     made = mesh.sample_points_uniformly(count, use_triangle_normal=True)
     return Surfels(np.array(made.points), np.array(made.normals), np.ones(count, bool))
-
-
-def _overlap(source: Surfels, equations: Equations) -> float:
-    """Share of the scan's flat places that found their match."""
-    return float(equations.use.sum() / max(int(source.flat.sum()), 1))
 
 
 def _check_flat(surface: Surface, places: Surfels, radius_mm: float) -> None:

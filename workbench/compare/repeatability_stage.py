@@ -24,7 +24,7 @@ from workbench.compare.gauge import (
 )
 from workbench.compare.measurements import Study
 from workbench.marks import LIMIT, Lettering
-from workbench.pieces import GREY, ORANGE, PALE, SERIES
+from workbench.pieces import GREY, ORANGE, PALE, SERIES, number
 from workbench.plot import Axes, Figure
 from workbench.result_files import result_file
 from workbench.stage import stage
@@ -83,7 +83,7 @@ def _characteristic_json(study: Study, one: Characteristic) -> dict[str, Any]:
                 "section": index,
                 "bias": found.bias[i, k],
                 "u": found.bias_u[i, k],
-                "largest_e_n": _largest(found.e_n[i, ..., k]),
+                "largest_e_n": max(found.e_n[i, ..., k][np.isfinite(found.e_n[i, ..., k])], key=abs, default=None),
             }
             for i, part in enumerate(study.parts)
             for k, index in enumerate(study.section)
@@ -99,12 +99,6 @@ def _gauge(gauge: Gauge) -> dict[str, Any]:
         "components": [dataclasses.asdict(part) for part in gauge.components],
         "distinct_categories": gauge.categories,
     }
-
-
-def _largest(e_n: Any) -> float | None:
-    """The E_n number farthest from 0."""
-    seen = e_n[np.isfinite(e_n)]
-    return float(seen[np.argmax(np.abs(seen))]) if seen.size else None
 
 
 @stage("compare.repeatability")
@@ -172,7 +166,7 @@ def gauge_chapter(study: Study, results: Sequence[Characteristic]) -> Chapter:
     return Chapter(
         "Repeatability and reproducibility",
         "\n".join(parts),
-        summary="; ".join(_summary(one) for one in results),
+        summary="; ".join(f"{one.title}: {verdict_in_words(one)}" for one in results),
         part=study.part,
         about="instruments",
         warnings=(*study.warnings, *(words for one in results for words in one.warnings)),
@@ -196,10 +190,6 @@ def verdict_in_words(one: Characteristic) -> str:
     elif categories is not None and categories < LEAST_CATEGORIES:
         words = f"not acceptable: ndc {categories}, at least {LEAST_CATEGORIES} required"
     return f"GRR {share:.1f} % of {of}: {words}"
-
-
-def _summary(one: Characteristic) -> str:
-    return f"{one.title}: {verdict_in_words(one)}"
 
 
 def _facts(study: Study) -> list[tuple[str, str]]:
@@ -232,8 +222,8 @@ def _characteristic_html(study: Study, one: Characteristic) -> Iterator[str]:
                 f"{row.sum_of_squares:.4g}",
                 f"{row.freedom}",
                 f"{row.mean_square:.4g}",
-                _number(row.f, ".3g"),
-                _number(row.p, ".3g"),
+                number(row.f, ".3g"),
+                number(row.p, ".3g"),
             )
             for row in one.anova.sources
         ],
@@ -253,7 +243,12 @@ def _categories(one: Characteristic) -> str:
 def _component(part: Component) -> tuple[str, ...]:
     interval = "–" if part.interval is None else f"{part.interval[0]:.4f} to {part.interval[1]:.4f}"
     percents = (part.contribution_percent, part.study_percent, part.tolerance_percent)
-    return NAMES[part.name], _number(part.sd, ".4f"), interval, *(_number(value, ".1f") for value in percents)
+    return (
+        NAMES[part.name],
+        number(part.sd, ".4f"),
+        interval,
+        *(number(value, ".1f") for value in percents),
+    )
 
 
 def _sections(study: Study, one: Characteristic) -> Iterator[str]:
@@ -263,12 +258,12 @@ def _sections(study: Study, one: Characteristic) -> Iterator[str]:
         rows.append(
             (
                 f"{section.index}",
-                _number(section.arc_length_mm, ".1f"),
+                number(section.arc_length_mm, ".1f"),
                 f"{section.mean:.3f}",
-                _number(ev.sd, ".4f"),
-                _number(av.sd, ".4f"),
-                _number(grr.sd, ".4f"),
-                _number(grr.tolerance_percent, ".1f"),
+                number(ev.sd, ".4f"),
+                number(av.sd, ".4f"),
+                number(grr.sd, ".4f"),
+                number(grr.tolerance_percent, ".1f"),
             )
         )
     head = ("Section", "Arc length, mm", "Mean", "EV", "AV", "GRR", "GRR, % tolerance")
@@ -296,7 +291,7 @@ def _agreement(study: Study, one: Characteristic) -> Iterator[str]:
             f"{part}, section {index}",
             f"{found.bias[i, k]:+.4f}",
             f"{COVERAGE * found.bias_u[i, k]:.4f}",
-            _number(np.abs(found.e_n[i, ..., k]).max(), ".2f"),
+            number(np.abs(found.e_n[i, ..., k]).max(), ".2f"),
         )
         for i, part in enumerate(study.parts)
         for k, index in enumerate(study.section)
@@ -305,10 +300,6 @@ def _agreement(study: Study, one: Characteristic) -> Iterator[str]:
     yield pieces.table_html(
         ("Place", f"Bias, {unit}", f"Expanded uncertainty (k = 2), {unit}", "Largest |E_n|"), rows[:MOST_ROWS]
     )
-
-
-def _number(value: float | None, form: str) -> str:
-    return "–" if value is None or not np.isfinite(value) else format(value, form)
 
 
 # Pictures of a gauge study: components of variation, values by section and operator, ranges, bias.

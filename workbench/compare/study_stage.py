@@ -61,22 +61,6 @@ def sections_of(mine: Sequence[Measurement]) -> tuple[int, ...]:
     return sections
 
 
-def table_of(
-    cells: Mapping[tuple[str, str], list[Measurement]],
-    parts: list[str],
-    operators: list[str],
-    sections: tuple[int, ...],
-    name: str,
-) -> Float:
-    """(P, O, R, S)."""
-    return np.array(
-        [
-            [[[one.sections[s].get(name, np.nan) for s in sections] for one in cells[p, o]] for o in operators]
-            for p in parts
-        ]
-    )
-
-
 def refuse_copies(measured: Mapping[str, Float], parts: list[str], operators: list[str], where: str) -> None:
     """Refuse trials that repeat others figure by figure, each characteristic (P, O, R, S): copies are no evidence.
 
@@ -216,8 +200,14 @@ def study(
     parts, operators = list(dict.fromkeys(p for p, _ in cells)), list(dict.fromkeys(o for _, o in cells))
     sections = sections_of(mine)
     known = dict.fromkeys(characteristics, "") or CHARACTERISTICS
-    table = {
-        name: table_of(cells, parts, operators, sections, name) for name in ("arc_length_mm", *known, *known.values())
+    table = {  # (P, O, R, S)
+        name: np.array(
+            [
+                [[[one.sections[s].get(name, np.nan) for s in sections] for one in cells[p, o]] for o in operators]
+                for p in parts
+            ]
+        )
+        for name in ("arc_length_mm", *known, *known.values())
     }
     names = [name for name in known if np.isfinite(table[name]).any()]
     if not names:

@@ -365,3 +365,8 @@ def _limit(square: Float, step: Float, slope: float) -> None:
         square[k] = min(square[k], square[k - 1] + slope * step[k])
     for k in range(square.size - 1, 0, -1):
         square[k - 1] = min(square[k - 1], square[k] + slope * step[k])
+
+
+def interpolated(at: Float, s: Float, values: Float) -> Float:
+    """Values (n, d) at rising places s (n,), linear between them, at places (k,)."""
+    return np.stack([np.interp(at, s, column) for column in values.T], axis=1)

@@ -335,7 +335,11 @@ def _settle(tree: Tree, sources: Sequence[Path], lines: list[str]) -> tuple[list
     if unread:
         return [], [f"with this mapping: {text}" for text in unread]
     if any(one.tracker is not None for one in found):
-        return [], _lacking_of_tracker(tree, found)
+        try:
+            joined_with_postures(found, mapping_of(tree))
+        except InputError as error:
+            return [], [f"with this mapping: {error}"]
+        return [], []
     doubts = _times(tree, found)
     has = [any(one.profiles is not None for one in found), any(_times_of_poses(one) is not None for one in found)]
     if has == [True, False] and sum(len(one.profiles.z_mm) for one in found if one.profiles is not None) == 1:
@@ -355,15 +359,6 @@ def _settle(tree: Tree, sources: Sequence[Path], lines: list[str]) -> tuple[list
     except InputError as error:
         lacking.append(f"with this mapping: {error}")
     return doubts, lacking
-
-
-def _lacking_of_tracker(tree: Tree, found: Sequence[Imported]) -> list[str]:
-    """What the table of a tracker's readings and the robot's postures lacks."""
-    try:
-        joined_with_postures(found, mapping_of(tree))
-    except InputError as error:
-        return [f"with this mapping: {error}"]
-    return []
 
 
 def _times(tree: Tree, found: Sequence[Imported]) -> list[str]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.artefacts import Recording
 from workbench.errors import InputError
-from workbench.geometry.moves import chords_mm
+from workbench.geometry.moves import chords_mm, interpolated
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.importing.mapping import Mapping, Suspicion
 from workbench.importing.mapping_parts import LENGTH_MM
@@ -78,7 +78,7 @@ def check_motion(recording: Recording, has_clock: bool, mapping: Mapping) -> Non
         where = f"{recording.source}: pass {number}"
         frame, pose = recording.pass_index == number, recording.robot_pass == number
         time_s = recording.time_s[frame]
-        position_mm = _at(time_s, recording.robot_time_s[pose], recording.robot_position_mm[pose])
+        position_mm = interpolated(time_s, recording.robot_time_s[pose], recording.robot_position_mm[pose])
         way_mm = float(chords_mm(position_mm).sum())
         _check_way(way_mm, len(time_s), partial(refuse, mapping, where))
         duration_s = float(np.ptp(time_s))
@@ -112,11 +112,6 @@ def _check_direction(
             "of its frame: is the orientations' convention or the hand-eye pose wrong?"
         )
         refuse(mapping, where, "direction", what)
-
-
-def _at(time_s: Float, pose_time_s: Float, position_mm: Float) -> Float:
-    """Positions at the frames' times; one pose holds at all of them."""
-    return np.stack([np.interp(time_s, pose_time_s, column) for column in position_mm.T], axis=1)
 
 
 def _other_unit(length_mm: float, declared: str, usual_mm: tuple[float, float]) -> str:

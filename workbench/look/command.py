@@ -314,11 +314,11 @@ SHARE = (1.0, 99.0)  # per cent of the values that the ramp spans; strays do not
 
 def page(found: Seen) -> str:
     """The whole page."""
-    from workbench.report.html_stage import packed, policy
+    from workbench.report.html_stage import packed, policy, viewer_script
     from workbench.report.text import data_address, source
     from workbench.templates import environment
 
-    viewer = source("painter.js") + source("viewer.js")
+    viewer = viewer_script()
     scene = scene_of(found)
     return (
         environment("workbench.look")

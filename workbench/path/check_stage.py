@@ -24,6 +24,7 @@ from workbench.artefacts import (
 )
 from workbench.geometry.distances import ALWAYS, axis_distances, build_stock
 from workbench.geometry.moves import chords_mm, step_lengths_mm
+from workbench.geometry.stations import supported
 from workbench.path.course import (
     LEAST_DEPTH_MM,
     Poses,
@@ -36,9 +37,10 @@ from workbench.path.course import (
     lower_course,
     poses_of,
     stocked_course,
+    unit,
 )
 from workbench.path.feed_stage import from_edge, moves_in_order, standing
-from workbench.path.obstacles import find_foreign, sections_of
+from workbench.path.obstacles import foreign, scan_of, sections_of
 from workbench.path.place import Points, place_of
 from workbench.path.plan import KEY_POINT_MM
 from workbench.stage import AtLeast, stage
@@ -127,8 +129,13 @@ def check(
     faults = chain(place.faults, faults)
     rests = (f"NOT CHECKED: {toolpath.rests_on}",) if toolpath.rests_on and not rests_milled else ()
     shape = (place.shape_only,) if place.shape_only else ()
-    loosened = (*shape, *weakened(penetration_mm), *loosened_checks(toolpath), *rests)
-    unseen = () if workpiece is not None else (*unseen_checks(toolpath), *place.unseen)
+    # Checks of the recording behind the path: those that a parameter made weaker than the rule, and what the recording
+    # could not show, which may move the whole path.
+    weaker = (f"check {one.name}: {one.finding}" for one in toolpath.evidence if one.loosened)
+    loosened = (*shape, *weakened(penetration_mm), *weaker, *rests)
+    told = (one.finding for one in toolpath.evidence if one.name in SHOWING)
+    unshown = (finding for finding in told if any(words in finding for words in UNSHOWN))
+    unseen = () if workpiece is not None else (*unshown, *place.unseen)
     gate = decision(toolpath, faults, penetration_mm, loosened, unseen)
     return dataclasses.replace(gate, loaded=predicted is not None)
 
@@ -157,11 +164,6 @@ def weakened(penetration_mm: float) -> tuple[str, ...]:
     return (f"the cutter may enter what must remain by {penetration_mm:g} mm, the rule is {PENETRATION_MM:g} mm",)
 
 
-def loosened_checks(toolpath: Toolpath) -> tuple[str, ...]:
-    """Checks of the recording behind the path that a parameter made weaker than the rule."""
-    return tuple(f"check {check.name}: {check.finding}" for check in toolpath.evidence if check.loosened)
-
-
 SHOWING = (
     "flange_turn_deg",
     "fixed_end_share",
@@ -173,12 +175,6 @@ SHOWING = (
 )
 # Words of findings where a recording is blind; of earlier files "nothing tells".
 UNSHOWN = ("would not show", "in no value", "does not show", "nothing tells")
-
-
-def unseen_checks(toolpath: Toolpath) -> tuple[str, ...]:
-    """What the recording behind the path could not show: it may move the whole path."""
-    told = [check.finding for check in toolpath.evidence if check.name in SHOWING]
-    return tuple(finding for finding in told if any(words in finding for words in UNSHOWN))
 
 
 def _first(faults: Iterator[str]) -> Iterator[str]:
@@ -370,9 +366,9 @@ def collisions(
         lower = order > 1 and above[order - 2] - layer.height_mm > LEAST_DEPTH_MM
         if as_it_comes and lower and order not in taken:
             yield f"layer {layer.index} takes nothing away that was measured"
-    foreign = find_foreign(cloud, edge, sections_of(stocked_course(edge, edge.arc_length_mm, toolpath)))
+    scan = scan_of(cloud, edge, sections_of(stocked_course(edge, edge.arc_length_mm, toolpath)))
     stands[edge.labels == UNLABELLED] = 0  # stray returns, but for those that neighbours support
-    stands[foreign] = ALWAYS
+    stands[supported(foreign(scan, cloud, edge))] = ALWAYS
     stock = build_stock(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, stands)
     allowed, radius = penetration_mm + 3.0 * _edge_u_mm(toolpath, edge), toolpath.cutter.radius_mm
     if allowed >= radius:
@@ -453,4 +449,4 @@ def _dense(centre: Float, axis: Float) -> tuple[Float, Float]:
     share = np.concatenate([*(np.arange(n) / n for n in counts), [0.0]])[:, None]
     after = np.minimum(at + 1, len(centre) - 1)
     middle = axis[at] + share * (axis[after] - axis[at])
-    return centre[at] + share * (centre[after] - centre[at]), middle / np.linalg.norm(middle, axis=1, keepdims=True)
+    return centre[at] + share * (centre[after] - centre[at]), unit(middle)

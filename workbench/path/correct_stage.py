@@ -24,7 +24,7 @@ from workbench.artefacts import (
     Toolpath,
 )
 from workbench.errors import InputError
-from workbench.geometry.moves import within
+from workbench.geometry.moves import interpolated, within
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.path.batch import Together, known_batch, together, with_part
 from workbench.path.course import LEAST_DEPTH_MM, Poses, components, poses_of, turned_about_feed
@@ -163,7 +163,7 @@ def correct(
     def along(which: int) -> Estimate:
         """The estimate from this part's values, or from all of the batch's."""
         one, share = seen[which], both[which].share
-        here = np.stack([np.interp(s, final.arc_length_mm, column) for column in one.axes.T], axis=1)
+        here = interpolated(s, final.arc_length_mm, one.axes)
         less = replace(one.prior, unrepeated=one.prior.unrepeated * share)
         return estimate(s, both[which].values, one.u.local * share, here, at, one.axes_at, less).less_sure(one.u.shared)
 

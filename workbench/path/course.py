@@ -50,17 +50,8 @@ def cutter_axis(normal: Float, across: Float, bevel: float) -> Float:
     return np.asarray(math.sin(bevel) * normal - math.cos(bevel) * across)
 
 
-def tool_quaternions(tangent: Float, normal: Float, across: Float, bevel: float) -> Float:
-    """Orientations (k, 4), w first: y = t, z the cutter's axis, x = y x z = -b into the material.
-
-    Neighbours have the same sign, so that interpolation between them never takes the long way round.
-    """
-    axes = [-bevel_normal(normal, across, bevel), tangent, cutter_axis(normal, across, bevel)]
-    return same_sign(quaternion_from_rotation(np.stack(axes, axis=-1)))
-
-
 def same_sign(quaternion_wxyz: Float) -> Float:
-    """The same orientations (k, 4) with no jump from q to -q between neighbours."""
+    """The same orientations (k, 4) with no jump from q to -q: interpolation never takes the long way round."""
     flips = np.sum(quaternion_wxyz[1:] * quaternion_wxyz[:-1], axis=1) < 0
     sign = np.where(np.cumsum(np.concatenate([[False], flips])) % 2 == 1, -1.0, 1.0)
     return np.asarray(quaternion_wxyz * sign[:, None])

@@ -78,19 +78,16 @@ def standing(toolpath: Toolpath, cloud: Cloud, edge: Edge, swept: bool = False) 
     return standing_layers(scan_of(cloud, edge, sections_of(table)), cloud.keep, cuts)
 
 
-def stock_distances(
-    remaining: Remaining, toolpath: Toolpath, points: Layer | Travel, done: int, at: Bool | None = None
-) -> Float:
+def stock_distances(remaining: Remaining, toolpath: Toolpath, points: Layer | Travel, done: int, at: Bool) -> Float:
     """d_min of equation (26): distance (k,) mm of the cutter's axis to the stock after `done` layers.
 
     The axis reaches from the tip over the flute's length. NaN where `at` (k,) is false.
     """
-    mask = np.ones(len(points.position_mm), bool) if at is None else at
-    start, end = (ends[mask] for ends in cutter_ends(toolpath, poses_of(toolpath, points)))
+    start, end = (ends[at] for ends in cutter_ends(toolpath, poses_of(toolpath, points)))
     face = remaining.faces[done - 1] if done else None
     bound = np.full(len(start), np.inf) if face is None else line_distances(face, start, end)
-    out = np.full(mask.shape, np.nan)
-    out[mask] = axis_distances(remaining.stock, start, end, np.full(len(start), done), bound)
+    out = np.full(at.shape, np.nan)
+    out[at] = axis_distances(remaining.stock, start, end, np.full(len(start), done), bound)
     return out
 
 

@@ -36,7 +36,7 @@ from workbench.path.plan import (
 )
 from workbench.result_files import RobotFile, ToolFile, TurntableFile
 from workbench.stage import InputFile, stage
-from workbench.units import DEG, Bool, Float
+from workbench.units import DEG, Float
 
 AFTER_UPPER = "that the upper bevel of {:g} deg has been milled, by the path planned for it with the same parameters"
 FLUTE_SPARE_MM = 2.0  # at each end of the widest face, where the flute's length is not given
@@ -139,7 +139,8 @@ def layers(
         at = course.seen & (points >= 0.0) & (points <= length)
         refuse_requirement(course, at, to)
         if to.fillet_mm:
-            refuse_fillet(course, at, to, cutter_diameter_mm, _beside_fillet(upper, finish_allowance_mm))
+            beside = "finish_allowance_mm" if finish_allowance_mm else ""
+            refuse_fillet(course, at, to, cutter_diameter_mm, beside if upper is None else "upper_bevel_deg")
         refuse_allowance(course, at, to, finish_allowance_mm, depth_of_cut_mm)
         widest = to.width_mm(course, 0.0)[at].max() + to.fillet_mm
         flute_mm = flute_length_mm or float(math.ceil(widest + 2.0 * FLUTE_SPARE_MM))
@@ -161,8 +162,12 @@ def layers(
     def path(to: Bevel, heights_of: Callable[[Float], Float]) -> Toolpath:
         leave: tuple[Lift, ...] = ()
         if milled is not None and raw is not None:
-            leave = _not_milled(
-                points, milled, length, float(to.height_mm(raw[1].upper_mm).max()) + clearance_mm, ramp_mm
+            # the lower bevel's passes go above the stock where the upper bevel's path leaves it
+            height_mm = float(to.height_mm(raw[1].upper_mm).max()) + clearance_mm
+            inside = (points > -1e-6) & (points < length + 1e-6)
+            leave = tuple(
+                Lift(a, b, height_mm, "the upper bevel is not milled", ramp_mm)
+                for a, b in cut_stretches(points, inside & ~milled)
             )
         plan = plan_of(to, of, leave)
         cut = _cut_layers(plan, heights_of)
@@ -189,22 +194,6 @@ def layers(
     before = tuple(replace(layer, height_mm=layer.height_mm + finish_allowance_mm) for layer in earlier)
     finishing = replace(path(bevel, lambda _: np.array([finish_allowance_mm, 0.0])), before=before)
     return replace(first, finish_allowance_mm=finish_allowance_mm, finishing=finishing)
-
-
-def _beside_fillet(upper: Bevel | None, finish_allowance_mm: float) -> str:
-    """The parameter that a J preparation cannot have; nothing: none is given."""
-    if upper is not None:
-        return "upper_bevel_deg"
-    return "finish_allowance_mm" if finish_allowance_mm else ""
-
-
-def _not_milled(points: Float, milled: Bool, length: float, height_mm: float, ramp_mm: float) -> tuple[Lift, ...]:
-    """Stretches of the edge that the upper bevel's path leaves: the lower one's passes above the stock there."""
-    inside = (points > -1e-6) & (points < length + 1e-6)
-    return tuple(
-        Lift(a, b, height_mm, "the upper bevel is not milled", ramp_mm)
-        for a, b in cut_stretches(points, inside & ~milled)
-    )
 
 
 def _cut_layers(plan: Plan, heights_of: Callable[[Float], Float]) -> tuple[Layer, ...]:

@@ -14,13 +14,11 @@ from workbench.geometry.stations import (
     Scan,
     SectionTable,
     frame_stations,
-    needed_heights,
     section_table,
     standing_out,
-    supported,
 )
 from workbench.path.course import Course, smoothstep
-from workbench.units import Bool, Float, Int, Shaped
+from workbench.units import Bool, Float, Shaped
 
 BURR_MM = 3.0  # what stands out of the stock by less is its own: burrs, roughness, the ends of the plate
 CLAMP_MM = 0.5  # over a hidden stretch, where a clamp may lie close
@@ -55,40 +53,13 @@ def scan_of(cloud: Cloud, edge: Edge, sections: SectionTable) -> Scan:
     return Scan(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, start, sections)
 
 
-def find_foreign(cloud: Cloud, edge: Edge, sections: SectionTable) -> tuple[Int, Int]:
-    """Frames and columns of kept points of no face of the stock that stand out of it and that neighbours support."""
-    return supported(_standing_out(scan_of(cloud, edge, sections), cloud, edge))
-
-
-def _standing_out(scan: Scan, cloud: Cloud, edge: Edge) -> Bool:
+def foreign(scan: Scan, cloud: Cloud, edge: Edge) -> Bool:
     """Which kept points (N, M) of no face stand out of the stock: clamps, the table, streaks."""
     beside = within(edge.arc_length_mm, edge.arc_length_mm[~edge.seen], BESIDE_MM)
     tolerance = np.where(beside, CLAMP_MM, BURR_MM)
     tolerance[[0, -1]] = BURR_MM  # beyond the ends of the edge
     usable = cloud.keep & ~((edge.labels >= ROOT_FACE) & (edge.labels != UNLABELLED))
     return standing_out(scan, usable, tolerance)
-
-
-def clearance_heights(
-    cloud: Cloud,
-    edge: Edge,
-    sections: SectionTable,
-    arc_length_mm: Shaped[Float, " k"],
-    base_from_tool: Shaped[Float, "k 4 4"],
-    reach: tuple[float, float, float],
-) -> Float:
-    """Height (k,) above the final layer's places that keeps the cutter clear of foreign points; -inf: none is near.
-
-    Args:
-        cloud: the scan.
-        edge: that was found in it.
-        sections: of the stock.
-        arc_length_mm: (k,) of the places.
-        base_from_tool: (k, 4, 4) frames of the final layer.
-        reach: radius, clearance, and the tip's distance from the origin, mm.
-    """
-    scan = scan_of(cloud, edge, sections)
-    return needed_heights(scan, _standing_out(scan, cloud, edge), arc_length_mm, base_from_tool, reach)
 
 
 def find_lifts(

@@ -12,15 +12,17 @@ import numpy as np
 from workbench.artefacts import ChainU, Cloud, Cutter, Edge, Layer, RawEdge, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.geometry.moves import chords_mm, runs
-from workbench.geometry.poses import pose_from, rotation_from_quaternion
-from workbench.path.course import LEAST_DEPTH_MM, Bevel, Course, bevel_normal, tool_quaternions
+from workbench.geometry.poses import pose_from, quaternion_from_rotation, rotation_from_quaternion
+from workbench.geometry.stations import needed_heights
+from workbench.path.course import LEAST_DEPTH_MM, Bevel, Course, bevel_normal, cutter_axis, same_sign
 from workbench.path.obstacles import (
     Lift,
-    clearance_heights,
     find_lifts,
+    foreign,
     hold_at_ends,
     lifted_heights,
     merged,
+    scan_of,
     sections_of,
 )
 from workbench.units import DEG, Bool, Float, Int, Shaped
@@ -73,12 +75,6 @@ def key_points(length_mm: float, lead_mm: float) -> Float:
     return np.concatenate([-lead[::-1], inner, [length_mm], length_mm + lead])
 
 
-def tool_frames(course: Course, bevel: Bevel) -> tuple[Float, Float]:
-    """b (k, 3) and the orientation (k, 4) of the tool at each place."""
-    outward = bevel_normal(course.normal, course.across, bevel.angle)
-    return outward, tool_quaternions(course.tangent, course.normal, course.across, bevel.angle)
-
-
 def origins(course: Course, bevel: Bevel, height_mm: float) -> Float:
     """Middle (k, 3) of the face at a height, in the base."""
     return np.asarray(course.position_mm + course.in_base(bevel.middle(course, height_mm)))
@@ -127,7 +123,10 @@ def make_travels(plan: Plan, layers: Sequence[Layer], high_mm: float) -> tuple[T
 
     A straight line back would pass through the plate on a convex arc.
     """
-    high = [_raised(plan, layer, high_mm) for layer in layers]
+    high = [
+        origins(plan.course, plan.bevel, layer.height_mm) + (high_mm - layer.height_mm) * plan.outward
+        for layer in layers
+    ]
     stops = sparse(plan.course, high_mm)
     last, travels = len(plan.course.arc_length_mm) - 1, []
     for k, way in enumerate(high):
@@ -137,12 +136,6 @@ def make_travels(plan: Plan, layers: Sequence[Layer], high_mm: float) -> tuple[T
         travels.append(_travel(plan, points, turns))
     travels.append(_travel(plan, high[-1][last:], np.array([last])))
     return tuple(travels)
-
-
-def _raised(plan: Plan, layer: Layer, high_mm: float) -> Float:
-    """The layer's places (k, 3) at a height above the finished face."""
-    flat = origins(plan.course, plan.bevel, layer.height_mm)
-    return np.asarray(flat + (high_mm - layer.height_mm) * plan.outward)
 
 
 def sparse(course: Course, high_mm: float) -> Int:
@@ -157,16 +150,6 @@ def _travel(plan: Plan, points: Float, at: Int) -> Travel:
     keep = np.concatenate([[True], chords_mm(points) > 1e-6])
     feed = np.full(int(keep.sum()), plan.v_slow_mm_s)
     return Travel(points[keep], plan.quaternion_wxyz[at][keep], feed)
-
-
-def stretch_factor(course: Course, bevel: Bevel, height_mm: Float | float, radius_mm: float) -> Float:
-    """Length (k,) of the cutter's axis per length of the lower edge: 1 - curvature . offset.
-
-    Where it is not above 0, the edge is concave and bends more tightly than the cutter's course can follow: the path
-    would cross itself and the cutter would cut into its neighbourhood.
-    """
-    offset = bevel.middle(course, 0.0) + (np.zeros(1) + height_mm + radius_mm)[:, None] * bevel.normal
-    return np.asarray(1.0 - (course.curvature * offset).sum(axis=1))
 
 
 def cut_stretches(s: Float, mask: Bool) -> list[tuple[float, float]]:
@@ -334,8 +317,13 @@ def refuse_cutter(course: Course, at: Bool, bevel: Bevel, cutter: Cutter, depth_
 
 
 def refuse_tight_curve(course: Course, bevel: Bevel, height_mm: Float, cutter: Cutter) -> None:
-    """A concave edge that bends more tightly than the cutter's course, at heights (k,) above the finished face."""
-    stretch = stretch_factor(course, bevel, height_mm, cutter.radius_mm)
+    """A concave edge that bends more tightly than the cutter's course, at heights (k,) above the finished face.
+
+    The length of the cutter's axis per length of the lower edge is 1 - curvature . offset. Where it is not above 0 the
+    path would cross itself and the cutter would cut into its neighbourhood.
+    """
+    offset = bevel.middle(course, 0.0) + (height_mm + cutter.radius_mm)[:, None] * bevel.normal
+    stretch = 1.0 - (course.curvature * offset).sum(axis=1)
     worst = int(np.argmin(stretch))
     if stretch[worst] < LEAST_STRETCH:
         radius = 1.0 / float(np.linalg.norm(course.curvature[worst]))
@@ -377,10 +365,13 @@ def make_plan(
     """
     edge = scanned.edge
     s, length, beside = course.arc_length_mm, float(edge.arc_length_mm[-1]), min(air.over_mm, air.beside_mm)
-    outward, quaternion = tool_frames(course, bevel)
+    outward = bevel_normal(course.normal, course.across, bevel.angle)
+    axes = [-outward, course.tangent, cutter_axis(course.normal, course.across, bevel.angle)]  # x = y x z
+    quaternion = same_sign(quaternion_from_rotation(np.stack(axes, axis=-1)))
     final = pose_from(rotation_from_quaternion(quaternion), origins(course, bevel, 0.0))
     reach = (cutter.diameter_mm / 2.0, beside, cutter.flute_length_mm / 2.0)
-    needed = clearance_heights(scanned.cloud, edge, sections_of(scanned.table), s, final, reach)
+    scan = scan_of(scanned.cloud, edge, sections_of(scanned.table))
+    needed = needed_heights(scan, foreign(scan, scanned.cloud, edge), s, final, reach)
     stock = bevel.height_mm(course.upper_mm)
     clear = float(stock.max()) + air.over_mm
     found = find_lifts(s, course.seen, needed, clear, air.over_mm - beside, air.ramp_mm)

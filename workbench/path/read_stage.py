@@ -10,6 +10,7 @@ from workbench.artefacts import UNKNOWN_PART, ChainU, Cutter, Gate, Layer, Toolp
 from workbench.artefacts.decisions import SHAPE_ONLY
 from workbench.errors import InputError
 from workbench.geometry.poses import is_rigid, rotation_from_quaternion
+from workbench.path.course import unit
 from workbench.stage import InputFile, stage
 from workbench.storage import MOST_BYTES
 from workbench.strict_json import content_digest
@@ -117,10 +118,9 @@ def _check_advance(layer: Layer, where: str) -> None:
 
 def _poses(points: list[Any] | list[TravelPoint]) -> dict[str, Float]:
     """Positions, unit quaternions and feeds of points."""
-    turned = np.array([point.quaternion_wxyz for point in points])
     return {
         "position_mm": np.array([point.position_mm for point in points]),
-        "quaternion_wxyz": turned / np.linalg.norm(turned, axis=1)[:, None],
+        "quaternion_wxyz": unit(np.array([point.quaternion_wxyz for point in points])),
         "feed_mm_s": np.array([point.feed_mm_s for point in points]),
     }
 

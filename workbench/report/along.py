@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workbench.artefacts import UNLABELLED, Characteristic, Cloud, Edge, Inspection, JointInspection, Quantity, Section
+from workbench.geometry.moves import interpolated
 from workbench.geometry.splines import hermite
 from workbench.marks import FACES, GREY, INK, LIMIT, MEASURED, PALE, REJECTED, TOLERANCE, VERDICTS, Lettering
 from workbench.plot import Axes, Figure
@@ -75,8 +76,8 @@ def developed(position_mm: Float, start_mm: Float, edge: Edge) -> Float:
     """
     arc_length = start_mm
     for _ in range(FOOT_STEPS):
-        offset, tangent = _offset(position_mm, arc_length, edge)
-        step = np.einsum("ij,ij->i", offset, tangent)
+        tangent = axes_at(arc_length, edge, edge.tangent)
+        step = np.einsum("ij,ij->i", position_mm - _on_curve(arc_length, edge), tangent)
         arc_length = arc_length + step
         if not (np.abs(step) > FOOT_MM).any():
             break
@@ -97,11 +98,6 @@ def in_section(position_mm: Float, start_mm: Float, edge: Edge, section: Section
     return np.column_stack([math.cos(turn) * u + math.sin(turn) * v, math.cos(turn) * v - math.sin(turn) * u])
 
 
-def _offset(position_mm: Float, arc_length: Float, edge: Edge) -> tuple[Float, Float]:
-    """p - P(s) and t(s)."""
-    return position_mm - _on_curve(arc_length, edge), axes_at(arc_length, edge, edge.tangent)
-
-
 def _on_curve(arc_length: Float, edge: Edge) -> Float:
     """P(s): through the measured stations along their tangents, straight on beyond the first and the last of them."""
     measured = np.isfinite(edge.position_mm).all(axis=1)
@@ -113,7 +109,7 @@ def _on_curve(arc_length: Float, edge: Edge) -> Float:
 
 def axes_at(arc_length: Float, edge: Edge, vectors: Float) -> Float:
     """Unit vectors of the stations, interpolated."""
-    mixed = np.column_stack([np.interp(arc_length, edge.arc_length_mm, axis) for axis in vectors.T])
+    mixed = interpolated(arc_length, edge.arc_length_mm, vectors)
     unit: Float = mixed / np.sqrt(np.einsum("ij,ij->i", mixed, mixed))[:, None]
     return unit
 

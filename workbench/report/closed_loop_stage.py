@@ -18,28 +18,6 @@ from workbench.stage import stage
 PLACES = {"root_mm": 3, "bevel_deg": 2}  # of what is planned and of differences, which know more than a value's U
 
 
-def closed_loop_html(
-    inspection: Inspection,
-    toolpath: Toolpath,
-    rework: Rework | None,
-    engagement: Engagement | None,
-    rows: list[Compared],
-    chart: bytes,
-) -> str:
-    """The chapter."""
-    return render(
-        "closed_loop.html.j2",
-        summary=list(_summary_rows(inspection, toolpath, rows)),
-        sections=list(_section_rows(inspection, rows)),
-        chart=data_address(chart),
-        rework=rework,
-        rework_reason=one_line(rework.reason) if rework else "",
-        stretches=list(_stretches(rework)) if rework else [],
-        rework_path=_rework_path(rework),
-        engagement=list(_engaged(engagement)) if engagement else [],
-    )
-
-
 def asked(toolpath: Toolpath) -> dict[str, float]:
     """What the path was planned for, by the names of sizes."""
     return {"root_mm": toolpath.root_mm, "bevel_deg": toolpath.bevel_deg}
@@ -121,9 +99,6 @@ def _engaged(engagement: Engagement) -> Iterator[tuple[str, ...]]:
         yield f"{layer.index}", *greatest, f"{100.0 * np.mean(layer.chip_area_mm2 > 0.0):.0f} %"
 
 
-SCENE_POINTS = 150_000
-
-
 @stage("report.closed_loop")
 def closed_loop(
     inspection: Inspection,
@@ -169,12 +144,20 @@ def closed_loop(
     planned = {name: [getattr(row, name) for row in rows] for name in PLACES}
     return Chapter(
         title=title,
-        html=closed_loop_html(
-            inspection, toolpath, rework, engagement, rows, deviation_chart({"": inspection}, asked(toolpath), planned)
+        html=render(
+            "closed_loop.html.j2",
+            summary=list(_summary_rows(inspection, toolpath, rows)),
+            sections=list(_section_rows(inspection, rows)),
+            chart=data_address(deviation_chart({"": inspection}, asked(toolpath), planned)),
+            rework=rework,
+            rework_reason=one_line(rework.reason) if rework else "",
+            stretches=list(_stretches(rework)) if rework else [],
+            rework_path=_rework_path(rework),
+            engagement=list(_engaged(engagement)) if engagement else [],
         ),
         verdict=inspection.verdict,
         summary=closed_loop_summary(inspection, toolpath, rework),
         part=toolpath.part,
         warnings=tuple(map(one_line, [*contradictions(inspection, toolpath), *(rework.warnings if rework else ())])),
-        scene=loop_scene(inspection, toolpath, rows, cloud, edge, SCENE_POINTS),
+        scene=loop_scene(inspection, toolpath, rows, cloud, edge),
     )

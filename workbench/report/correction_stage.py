@@ -16,29 +16,7 @@ from workbench.report.along import deviation_chart, draw_course, gaps, hatch_hid
 from workbench.report.tables import check_texts
 from workbench.report.text import data_address, render, signed, span
 from workbench.stage import stage
-from workbench.units import COVERAGE, DEG
-
-
-def correction_html(found: PathCorrection, finished: Mapping[str, Inspection]) -> str:
-    """The chapter."""
-    asked = {size: nominal for one in finished.values() for size, (nominal, _) in one.required.items()}
-    return render(
-        "correction.html.j2",
-        lead=_lead(found),
-        found=list(_found_rows(found)),
-        chart=data_address(correction_chart(found)),
-        checks=[
-            (*check_texts(c.name, c.value, c.limit), "passed" if c.passed else one_line(c.finding))
-            for c in found.checks
-        ],
-        cancels=CANCELS,
-        not_included=NOT_INCLUDED,
-        repeatability=f"{found.repeatability_mm:g}",
-        alone=f"{COVERAGE * found.repeatability_mm / math.sin(found.bevel):.2f}",
-        parts_before=0 if found.batch is None else found.batch.parts - 1,
-        finished=list(_finished_rows(finished)),
-        parts=data_address(deviation_chart(finished, asked)) if finished else "",
-    )
+from workbench.units import COVERAGE, DEG, Float
 
 
 def correction_summary(found: PathCorrection, finished: Mapping[str, Inspection]) -> str:
@@ -59,17 +37,18 @@ def _lead(found: PathCorrection) -> str:
     return f"{said}. What the first cut left for the finishing pass is {span(found.stock_mm[found.cut], 2, ' mm')}."
 
 
+def _displaced(found: PathCorrection) -> tuple[tuple[str, str, Float, Float, Float], ...]:
+    """Shift and tilt: name, unit; measured, u, and what was corrected (k,) in it."""
+    turned = (one / DEG for one in (found.turn, found.turn_u, found.tilt))
+    return ("Shift", " mm", found.displacement_mm, found.displacement_u_mm, found.shift_mm), ("Tilt", "°", *turned)
+
+
 def _found_rows(found: PathCorrection) -> Iterator[tuple[str, ...]]:
     """Shift and tilt: measured, U, corrected by."""
-    for name, value, u, by, scale, unit in (
-        ("Shift", found.displacement_mm, found.displacement_u_mm, found.shift_mm, 1.0, " mm"),
-        ("Tilt", found.turn, found.turn_u, found.tilt, DEG, "°"),
-    ):
-        cut, made = found.cut, bool(by.any())
-        what = (
-            span(by[cut] / scale, 3, unit) if made else ("none: refused" if found.refused else "none: not significant")
-        )
-        yield name, span(value[cut] / scale, 3, unit), f"{COVERAGE * u[cut].max() / scale:.3f}{unit}", what
+    cut, none = found.cut, "none: refused" if found.refused else "none: not significant"
+    for name, unit, value, u, by in _displaced(found):
+        what = span(by[cut], 3, unit) if by.any() else none
+        yield name, span(value[cut], 3, unit), f"{COVERAGE * u[cut].max():.3f}{unit}", what
 
 
 def _finished_rows(finished: Mapping[str, Inspection]) -> Iterator[tuple[str, ...]]:
@@ -91,12 +70,9 @@ def correction_chart(found: PathCorrection) -> bytes:
     over = (found.arc_length_mm >= 0.0) & (found.arc_length_mm <= found.length_mm)
     s = found.arc_length_mm[over]
     figure, (top, below) = stacked()
-    for axes, value, u, by, scale in (
-        (top, found.displacement_mm, found.displacement_u_mm, found.shift_mm, 1.0),
-        (below, found.turn, found.turn_u, found.tilt, DEG),
-    ):
-        draw_course(axes, s, value[over] / scale, u[over] / scale)
-        axes.plot(s, -by[over] / scale, color=INK, linewidth=1.0, dashes=(5, 3))
+    for axes, (*_, value, u, by) in zip((top, below), _displaced(found), strict=True):
+        draw_course(axes, s, value[over], u[over])
+        axes.plot(s, -by[over], color=INK, linewidth=1.0, dashes=(5, 3))
         axes.axhline(0.0, color=INK, linewidth=0.5)
         hatch_hidden(axes, gaps(s, found.cut[over]))
     for limit in (-found.allowance_mm, found.allowance_mm):
@@ -138,9 +114,26 @@ def correction(
         for name, one in (("blind", blind if blind is not corrected else None), ("corrected", corrected))
         if one is not None and one is not first
     }
+    asked = {size: nominal for one in finished.values() for size, (nominal, _) in one.required.items()}
     return Chapter(
         title="Measured correction",
-        html=correction_html(correction, finished),
+        html=render(
+            "correction.html.j2",
+            lead=_lead(correction),
+            found=list(_found_rows(correction)),
+            chart=data_address(correction_chart(correction)),
+            checks=[
+                (*check_texts(c.name, c.value, c.limit), "passed" if c.passed else one_line(c.finding))
+                for c in correction.checks
+            ],
+            cancels=CANCELS,
+            not_included=NOT_INCLUDED,
+            repeatability=f"{correction.repeatability_mm:g}",
+            alone=f"{COVERAGE * correction.repeatability_mm / math.sin(correction.bevel):.2f}",
+            parts_before=0 if correction.batch is None else correction.batch.parts - 1,
+            finished=list(_finished_rows(finished)),
+            parts=data_address(deviation_chart(finished, asked)) if finished else "",
+        ),
         verdict="fail" if correction.refused else "",
         summary=correction_summary(correction, finished),
         part=correction.part,

@@ -31,27 +31,6 @@ from workbench.stage import stage
 from workbench.units import Float
 
 
-def groove_html(cloud: Cloud, groove: Joint, inspection: RecognisedInspection) -> str:
-    """The chapter."""
-    shown = of_interest(inspection)
-    return render(
-        "groove.html.j2",
-        what=inspection.WHAT,
-        section=shown.index,
-        drawing=data_address(groove_drawing(cloud, groove, shown)),
-        charts=[(one.term, data_address(_along(groove, inspection, one))) for one in _found(groove, inspection)],
-        tables=list(section_tables(inspection)),
-        guard_factor=inspection.guard_factor,
-        failed_checks=check_rows(inspection.checks, passed=False),
-        passed_checks=check_rows(inspection.checks, passed=True),
-    )
-
-
-def _found(groove: Joint, inspection: RecognisedInspection) -> list[Characteristic]:
-    """The sizes that are known all along."""
-    return [one for one in inspection.characteristics if one.name in groove.sizes]
-
-
 def _along(groove: Joint, inspection: RecognisedInspection, what: Characteristic) -> bytes:
     """SVG of a size along the groove."""
     size = groove.sizes[what.name]
@@ -217,10 +196,21 @@ def preparation(cloud: Cloud, preparation: Preparation, inspection: PreparationI
 
 
 def _chapter(title: str, cloud: Cloud, joint: Joint, inspection: RecognisedInspection) -> Chapter:
-    judged = bool(inspection.requirements)
+    judged, shown = bool(inspection.requirements), of_interest(inspection)
+    along = [one for one in inspection.characteristics if one.name in joint.sizes]  # known all along
     return Chapter(
         title=title,
-        html=groove_html(cloud, joint, inspection),
+        html=render(
+            "groove.html.j2",
+            what=inspection.WHAT,
+            section=shown.index,
+            drawing=data_address(groove_drawing(cloud, joint, shown)),
+            charts=[(one.term, data_address(_along(joint, inspection, one))) for one in along],
+            tables=list(section_tables(inspection)),
+            guard_factor=inspection.guard_factor,
+            failed_checks=check_rows(inspection.checks, passed=False),
+            passed_checks=check_rows(inspection.checks, passed=True),
+        ),
         verdict=inspection.verdict if judged else "",
         summary=one_line(inspection.reason) if judged else NOT_JUDGED,
         part=inspection.part,

@@ -222,13 +222,14 @@ def page(chapters: Sequence[Chapter], provenance: Provenance | None, sheet: Shee
     """The whole page."""
     parts = sorted(_parts(chapters), key=lambda part: part.part_id is None)
     about = "part" if any(chapter.part and chapter.about == "part" for chapter in chapters) else "instruments"
-    viewer = viewer_script() if any(chapter.scene for chapter in chapters) else Markup("")
+    count = sum(chapter.scene is not None for chapter in chapters)  # that share the points alike
+    viewer = viewer_script() if count else Markup("")
     return render(
         "page.html.j2",
         style=source("page.css"),
         viewer=viewer,
         policy=policy(viewer),
-        scenes=_scenes(chapters),
+        scenes=[Markup(packed(one.scene, SCENE_POINTS // count) if one.scene else "") for one in chapters],
         in_space=next((k for k, chapter in enumerate(chapters) if chapter.scene), None),  # report.html#view: that alone
         heading=_heading(parts if about == "part" else (), provenance),
         identity=Markup(identity_html(parts[0], about, sheet)) if parts else "",
@@ -285,12 +286,6 @@ def script_source(script: str) -> str:
 def viewer_script() -> Markup:
     """What turns a scene in the browser: the only script of a page."""
     return source("painter.js") + source("viewer.js")
-
-
-def _scenes(chapters: Sequence[Chapter]) -> list[Markup]:
-    """The scene of each chapter as JSON, '' where it has none; the points are shared out alike."""
-    share = SCENE_POINTS // max(1, sum(chapter.scene is not None for chapter in chapters))
-    return [Markup(packed(chapter.scene, share) if chapter.scene else "") for chapter in chapters]
 
 
 def overall(chapters: Sequence[Chapter]) -> str:

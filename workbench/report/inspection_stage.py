@@ -7,15 +7,29 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Chapter, Cloud, Edge, Inspection
+from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Chapter, Cloud, Edge, Inspection
 from workbench.errors import InputError, one_line
+from workbench.marks import FACES, REJECTED, VERDICTS
 from workbench.report.along import plan_view, size_chart, u_chart
 from workbench.report.scene import pictures
 from workbench.report.scenes import inspection_scene
-from workbench.report.section_drawing import section_drawings
-from workbench.report.tables import certificate_html, inspection_html
+from workbench.report.section_drawing import of_interest, section_drawings
+from workbench.report.tables import (
+    MOST_ROWS,
+    certificate_html,
+    check_rows,
+    faces_seen,
+    facts,
+    head,
+    plan_note,
+    section_rows,
+    set_aside,
+)
+from workbench.report.text import data_address, render
 from workbench.report.views import section_views
 from workbench.stage import InputFile, stage
+
+TILTS = {"whole edge": "once for the whole edge", "per section": "section by section"}
 
 
 @stage("report.inspection")
@@ -71,14 +85,32 @@ def inspection(
         if cloud.part.scan_plan == plan_id(scan_plan.read_bytes()):
             drawn["planned"] = u_chart(plan, inspection)
     aside = plan_view(cloud, edge, inspection)
-    scene = inspection_scene(cloud, edge, inspection, points)
+    sizes, found = inspection.characteristics, inspection.sections
     return Chapter(
         title="Inspection",
-        html=inspection_html(cloud, edge, inspection, drawn, aside),
+        html=render(
+            "inspection.html.j2",
+            facts=list(facts(cloud, edge)),
+            pictures={name: data_address(content) for name, content in {**drawn, "plan": aside.svg}.items()},
+            of_interest=of_interest(inspection).index,
+            heads=list(map(head, sizes)),
+            sections=section_rows(inspection, sizes) if len(found) > MOST_ROWS else [],
+            failed_checks=check_rows(inspection.checks, passed=False),
+            passed_checks=check_rows(inspection.checks, passed=True),
+            set_aside=list(set_aside(cloud, edge)),
+            plan_note=plan_note(aside),
+            tilt=TILTS.get(inspection.root_face_tilt, inspection.root_face_tilt),
+            guard_factor=inspection.guard_factor,
+            faces=faces_seen(edge),
+            verdicts=[(name, VERDICTS[name]) for name in VERDICTS if any(s.verdict == name for s in found)],
+            root_colour=FACES[ROOT_FACE],
+            bevel_colour=FACES[BEVEL_FACE],
+            rejected_colour=REJECTED,
+        ),
         verdict=inspection.verdict,
         summary=one_line(inspection.reason),
         part=inspection.part,
         warnings=tuple(dict.fromkeys([*inspection.warnings, *edge.warnings])),
-        scene=scene,
+        scene=inspection_scene(cloud, edge, inspection, points),
         certificate=certificate_html(inspection),
     )

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.artefacts import ROOT_FACE, Cloud, Edge, Engagement, RawEdge, Toolpath
+from workbench.artefacts import Cloud, Edge, Engagement, RawEdge, Toolpath
 from workbench.geometry import moves
 from workbench.marks import GREY, INK, LIMIT, LOWER_EDGE, MEASURED, UPPER_EDGE, Lettering
-from workbench.plot import Axes, Figure
+from workbench.plot import Figure
 from workbench.report.along import hatch_hidden, hidden_stretches, label_level
 from workbench.report.planned import layer_ink
-from workbench.report.scene import face_ends
+from workbench.report.scene import root_ends
 from workbench.report.views import shown_stretch
-from workbench.units import Bool, Float
+from workbench.units import Float
 
 ALONG = "arc length along the lower edge, mm"
 LEAST_OFF_MM = 0.05  # a scale shows so much at least, that a straight edge looks straight
@@ -29,7 +29,7 @@ def edges_in_plane(cloud: Cloud, edge: RawEdge) -> bytes:
     here = (edge.arc_length_mm >= stretch.from_mm) & (edge.arc_length_mm <= stretch.to_mm)
     curves = (edge.position_mm[here], edge.upper_position_mm[here])
     origin, axes = _plane(np.vstack(curves), edge.tangent[here], edge.normal[here])
-    vertices = face_ends(cloud, edge, ROOT_FACE, stretch.frames)
+    vertices = root_ends(cloud, edge, stretch.frames)
     figure = Figure(figsize=(5.2, 2.9))
     in_plane, off = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
     figure.subplots_adjust(0.14, 0.155, 0.985, 0.975, hspace=0.14)
@@ -72,7 +72,7 @@ def feed_chart(edge: Edge, toolpath: Toolpath) -> bytes:
     axes.set(xlim=(float(s.min()), float(s.max())), ylim=(0.0, 1.12 * float(feed.max())))
     hatch_hidden(axes, hidden_stretches(edge))
     axes.step(s, feed, color=MEASURED, linewidth=1.2)
-    _mark_cutting(axes, s, final.cutting)
+    axes.bars_below([(float(s[first]), float(s[last])) for first, last in moves.runs(final.cutting)], 0.035, color=GREY)
     axes.axhline(toolpath.v_slow_mm_s, color=LIMIT, linewidth=0.8, dashes=(4, 2.5), zorder=0.8)
     label_level(axes, toolpath.v_slow_mm_s, f"cutting feed {toolpath.v_slow_mm_s:g} mm/s")
     axes.set(xlabel=ALONG, ylabel="feed, mm/s")
@@ -106,8 +106,3 @@ def _plane(points_mm: Float, tangent: Float, normal: Float) -> tuple[Float, Floa
     along = along - (along @ off) * off
     along /= np.linalg.norm(along)
     return origin, np.array([along, np.cross(off, along), off])
-
-
-def _mark_cutting(axes: Axes, s: Float, cutting: Bool) -> None:
-    """Bars along the bottom over the stretches that are cut."""
-    axes.bars_below([(float(s[first]), float(s[last])) for first, last in moves.runs(cutting)], 0.035, color=GREY)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -49,46 +48,6 @@ ARC_POINTS = 40  # of a fillet
 POINTS, REACH_MM = 6_000, 0.5  # scanned points drawn; from so far along the edge
 EXTENDED = 0.11  # of the drawing's size: layers are drawn on beyond the stock, for their numbers
 SIZE_IN, LEFT_IN, RIGHT_IN, BELOW_IN, ABOVE_IN = 3.6, 3.8, 3.2, 0.35, 0.95  # of the drawing on paper
-
-
-def plan_html(
-    cloud: Cloud,
-    edge: Edge,
-    toolpath: Toolpath,
-    run: Run,
-    moves: Moves | None,
-    gate: Gate | None,
-    stepped: Stepped | None,
-    drawn: Mapping[str, bytes],
-) -> str:
-    """The chapter; `drawn`: PNG or SVG by name, `engagement` and `section` only where there is something to show."""
-    stretch = shown_stretch(edge)
-    return render(
-        "plan.html.j2",
-        facts=[*facts(cloud, edge), ("Thickness", thickness(edge))],
-        required=list(required(edge, toolpath)),
-        plan=[*plan_rows(toolpath, run), *move_rows(moves)],
-        layers=list(layer_rows(toolpath, run)),
-        refused=list(refused(edge, toolpath, gate)),
-        from_scan=isinstance(edge, RawEdge),
-        turn=None if (turn := local_turn_deg(edge)) is None else f"{turn:.2g}",
-        calibrated=isinstance(edge, RawEdge) and edge.hand_eye_u_mm is not None,
-        pictures={name: data_address(content) for name, content in drawn.items()},
-        stretch=f"{stretch.from_mm:.0f} to {stretch.to_mm:.0f} mm",
-        whole=stretch.to_mm - stretch.from_mm >= float(edge.arc_length_mm[-1]),
-        local_mm=f"{LOCAL_MM:g}",
-        layer_key=layer_key(toolpath),
-        feed_key=feed_key(run),
-        axis_mm=f"{AXIS_MM:g}",
-        tool_axis_mm=f"{TOOL_AXIS_MM:g}",
-        tool_axes=list(zip("xyz", TOOL_AXES, strict=True)),
-        edge_colours=(("lower edge", LOWER_EDGE), ("upper edge", UPPER_EDGE)),
-        faces=faces_seen(edge),
-        face_colours=FACES,
-        section_at=f"{stepped.arc_length_mm:.1f}" if stepped else "",
-        final=toolpath.layers[-1].index,
-        gate=gate,
-    )
 
 
 def plan_summary(toolpath: Toolpath, run: Run, gate: Gate | None) -> str:
@@ -148,15 +107,40 @@ def plan(
         drawn["section"] = stepping_drawing(cloud, edge, toolpath, stepped)
     if engagement is not None:
         drawn["engagement"] = engagement_chart(edge, toolpath, engagement)
-    scene = plan_scene(cloud, edge, toolpath, run, points)
+    stretch, turn = shown_stretch(edge), local_turn_deg(edge)
     return Chapter(
         title="Plan",
-        html=plan_html(cloud, edge, toolpath, run, moves, gate, stepped, drawn),
+        html=render(
+            "plan.html.j2",
+            facts=[*facts(cloud, edge), ("Thickness", thickness(edge))],
+            required=list(required(edge, toolpath)),
+            plan=[*plan_rows(toolpath, run), *move_rows(moves)],
+            layers=list(layer_rows(toolpath, run)),
+            refused=list(refused(edge, toolpath, gate)),
+            from_scan=isinstance(edge, RawEdge),
+            turn=None if turn is None else f"{turn:.2g}",
+            calibrated=isinstance(edge, RawEdge) and edge.hand_eye_u_mm is not None,
+            pictures={name: data_address(content) for name, content in drawn.items()},
+            stretch=f"{stretch.from_mm:.0f} to {stretch.to_mm:.0f} mm",
+            whole=stretch.to_mm - stretch.from_mm >= float(edge.arc_length_mm[-1]),
+            local_mm=f"{LOCAL_MM:g}",
+            layer_key=layer_key(toolpath),
+            feed_key=feed_key(run),
+            axis_mm=f"{AXIS_MM:g}",
+            tool_axis_mm=f"{TOOL_AXIS_MM:g}",
+            tool_axes=list(zip("xyz", TOOL_AXES, strict=True)),
+            edge_colours=(("lower edge", LOWER_EDGE), ("upper edge", UPPER_EDGE)),
+            faces=faces_seen(edge),
+            face_colours=FACES,
+            section_at=f"{stepped.arc_length_mm:.1f}" if stepped else "",
+            final=toolpath.layers[-1].index,
+            gate=gate,
+        ),
         verdict="" if gate is None else gate.verdict,
         summary=plan_summary(toolpath, run, gate),
         part=toolpath.part,
         warnings=tuple(dict.fromkeys(map(one_line, [*edge.warnings, *toolpath.warnings]))),
-        scene=scene,
+        scene=plan_scene(cloud, edge, toolpath, run, points),
         not_checked=gate.left_open if gate is not None and gate.passed else (),
     )
 

@@ -112,11 +112,16 @@ def rejected(cloud: Cloud, edge: Edge, budget: int) -> tuple[Points, int]:
     return _take(cloud, edge, np.arange(0, frames, step), kept=False), step
 
 
-def face_ends(cloud: Cloud, edge: Edge, face: int, frames: Int) -> tuple[Points, Points]:
-    """In each of `frames` the two outermost kept points of a face: at the lower end of it, and at the upper end."""
+def ends_of(cloud: Cloud, edge: Edge, face: int, frames: Int) -> tuple[Int, Int]:
+    """Those of `frames` that show a face, and the columns (2, f) of its first and last kept point in each."""
     here = (edge.labels[frames] == face) & cloud.keep[frames]
     frames, here = frames[here.any(axis=1)], here[here.any(axis=1)]
-    ends = np.stack([here.argmax(axis=1), here.shape[1] - 1 - here[:, ::-1].argmax(axis=1)])
+    return frames, np.stack([here.argmax(axis=1), here.shape[1] - 1 - here[:, ::-1].argmax(axis=1)])
+
+
+def root_ends(cloud: Cloud, edge: Edge, frames: Int) -> tuple[Points, Points]:
+    """In each of `frames` the two outermost kept points of the root face: at its lower end, and at its upper end."""
+    frames, ends = ends_of(cloud, edge, ROOT_FACE, frames)
     first, last = (at_places(cloud, edge, frames, columns) for columns in ends)
     across = edge.across[np.isfinite(edge.across).all(axis=1)].mean(axis=0)
     turned = ((last.position_mm - first.position_mm) @ across < 0.0)[:, None]

@@ -40,11 +40,13 @@ from workbench.report.planned import (
     middle_of_cut_mm,
     planned_bevel,
 )
-from workbench.report.scene import Points, at_places, frame_arc_length_mm, overview
+from workbench.report.scene import Points, at_places, ends_of, frame_arc_length_mm, overview
 from workbench.report.section_drawing import of_interest, outside_mm, round_limit
 from workbench.report.tables import faces_seen
 from workbench.report.text import decimals, measured
 from workbench.units import DEG, AnyArray, Bool, Float, Int
+
+LOOP_POINTS = 150_000
 
 
 def inspection_scene(cloud: Cloud, edge: Edge, inspection: Inspection, budget: int) -> Scene:
@@ -70,7 +72,6 @@ def loop_scene(
     rows: list[Compared],
     cloud: Cloud | None,
     edge: Edge | None,
-    budget: int,
 ) -> Scene:
     """The milled part by its deviation from the plan, the sections, the final layer; without a scan no points."""
     final = toolpath.layers[-1]
@@ -80,7 +81,7 @@ def loop_scene(
     if cloud is None or not isinstance(edge, MilledEdge):
         nothing = Points(np.zeros((0, 3)), np.zeros(0, np.uint8), np.zeros(0, np.int64), np.zeros(0, np.int64))
         return Scene(nothing.position_mm, (), strokes, section_marks(nothing, sections, rows), axes)
-    points, planned = telling(cloud, edge, budget), planned_bevel(toolpath, edge)
+    points, planned = telling(cloud, edge, LOOP_POINTS), planned_bevel(toolpath, edge)
     root, bevel = along(planned.arc_length_mm, planned.root_mm), along(planned.arc_length_mm, planned.bevel_deg)
     off = by_deviation("deviation from the planned faces", points, laid_out_faces(points, cloud, edge), root, bevel)
     marks = section_marks(points, sections, rows)
@@ -298,11 +299,9 @@ def near_ends(cloud: Cloud, edge: Edge, budget: int) -> Points:
 
 def _ends(cloud: Cloud, edge: Edge, frames: Int, face: int) -> Int:
     """Places frame x M + column about both ends of a face in each of `frames`."""
-    here = (edge.labels[frames] == face) & cloud.keep[frames]
-    seen = here.any(axis=1)
-    frames, here, columns = frames[seen], here[seen], here.shape[1]
-    ends = np.stack([here.argmax(axis=1), columns - 1 - here[:, ::-1].argmax(axis=1)], axis=1)
-    column = np.clip(ends[:, :, None] + CORNER_COLUMNS, 0, columns - 1)
+    frames, ends = ends_of(cloud, edge, face, frames)
+    columns = edge.labels.shape[1]
+    column = np.clip(ends.T[:, :, None] + CORNER_COLUMNS, 0, columns - 1)
     return np.asarray((frames[:, None, None] * columns + column).ravel(), dtype=np.int64)
 
 

@@ -69,12 +69,6 @@ def outside_mm(uv_mm: Float, on_bevel: Bool, root_mm: Float | float, bevel: Floa
     return off
 
 
-def deviation_limit(all_drawn: list[LaidOut]) -> float:
-    """Half height of the strips, mm: all but the farthest points, to the next 1, 2 or 5."""
-    found = [np.abs(d[1]) for d in map(deviations, all_drawn) if d is not None and len(d[1])]
-    return round_limit(np.concatenate(found)) if found else 0.05
-
-
 def round_limit(distance_mm: Float) -> float:
     """1, 2 or 5 times a power of ten, mm: all but the farthest of the distances (n,) are less."""
     reach = max(1e-3, float(np.percentile(distance_mm, 99.5)))
@@ -130,7 +124,8 @@ def section_drawings(cloud: Cloud, edge: Edge, inspection: Inspection) -> bytes:
     figure = Figure(figsize=(COLUMNS * PANEL_IN[0], rows * PANEL_IN[1]))
     grid = figure.subplots(rows, COLUMNS, squeeze=False, sharex=True, sharey=True)
     figure.subplots_adjust(0.048, 0.18 / rows, 0.995, 1 - 0.09 / rows, wspace=0.05, hspace=0.14)
-    limit = deviation_limit(all_drawn)
+    off = [np.abs(found[1]) for found in map(deviations, all_drawn) if found is not None and len(found[1])]
+    limit = round_limit(np.concatenate(off)) if off else 0.05  # half height of the strips, mm
     for axes, drawn in zip(grid.flat, all_drawn, strict=False):
         _draw(axes, drawn, window, places)
         draw_deviations(axes, drawn, limit)

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from workbench.artefacts import (
-    BEVEL_FACE,
     FACE_NAMES,
     ROOT_FACE,
     Characteristic,
@@ -27,9 +26,8 @@ from workbench.artefacts import (
 )
 from workbench.artefacts.edges import RecognisedInspection
 from workbench.errors import one_line
-from workbench.marks import FACES, REJECTED, VERDICTS
+from workbench.marks import FACES
 from workbench.report.along import PlanView, hidden_stretches
-from workbench.report.section_drawing import of_interest
 from workbench.report.text import alike, data_address, decimals, measured, render, source
 from workbench.units import COVERAGE, Float
 
@@ -61,7 +59,10 @@ def section_rows(inspection: JointInspection, found: Sequence[Characteristic]) -
             "cells": cells,
             "verdict": s.verdict,
             "reason": s.reason,
-            "because": "" if s.verdict == "pass" or {*cells} == {HIDDEN} else _because(s.reason),
+            # what of its reason speaks against it
+            "because": ""
+            if s.verdict == "pass" or {*cells} == {HIDDEN}
+            else one_line(", ".join(part for part in s.reason.split(", ") if "within tolerance" not in part)),
         }
         for s, cells in zip(inspection.sections, rows, strict=True)
     ]
@@ -88,11 +89,6 @@ def _runs(arc_length_mm: Float) -> Iterator[str]:
     for run in np.split(arc_length_mm, np.flatnonzero(np.diff(arc_length_mm) > 2.0) + 1):
         if len(run):
             yield f"{run[0]:.0f} mm" if len(run) == 1 else f"{run[0]:.0f} to {run[-1]:.0f} mm"
-
-
-def _because(reason: str) -> str:
-    """What of a section's reason speaks against it."""
-    return one_line(", ".join(part for part in reason.split(", ") if "within tolerance" not in part))
 
 
 def check_rows(checks: Iterable[Check], passed: bool) -> list[tuple[str, ...]]:
@@ -276,33 +272,6 @@ def decision_rule(guard_factor: float) -> str:
         f"ISO 14253-1, guard band g = {guard_factor:g} u: a value passes inside its limits by at least g, fails "
         f"outside by at least g, is undecided in between. Risk of a wrong statement: at most "
         f"{risk:.2g} % per value. A part fails if any section fails and passes if all pass."
-    )
-
-
-def inspection_html(
-    cloud: Cloud, edge: Edge, inspection: Inspection, drawn: Mapping[str, bytes], aside: PlanView
-) -> str:
-    """The chapter; `drawn`: PNG or SVG of `overview`, `close_up`, `sections` and each size."""
-    return render(
-        "inspection.html.j2",
-        facts=list(facts(cloud, edge)),
-        pictures={name: data_address(content) for name, content in {**drawn, "plan": aside.svg}.items()},
-        of_interest=of_interest(inspection).index,
-        heads=list(map(head, inspection.characteristics)),
-        sections=section_rows(inspection, inspection.characteristics) if len(inspection.sections) > MOST_ROWS else [],
-        failed_checks=check_rows(inspection.checks, passed=False),
-        passed_checks=check_rows(inspection.checks, passed=True),
-        set_aside=list(set_aside(cloud, edge)),
-        plan_note=plan_note(aside),
-        tilt={"whole edge": "once for the whole edge", "per section": "section by section"}.get(
-            inspection.root_face_tilt, inspection.root_face_tilt
-        ),
-        guard_factor=inspection.guard_factor,
-        faces=faces_seen(edge),
-        verdicts=[(name, VERDICTS[name]) for name in VERDICTS if any(s.verdict == name for s in inspection.sections)],
-        root_colour=FACES[ROOT_FACE],
-        bevel_colour=FACES[BEVEL_FACE],
-        rejected_colour=REJECTED,
     )
 
 

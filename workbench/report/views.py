@@ -9,7 +9,7 @@ import numpy as np
 from workbench.artefacts import ROOT_FACE, Cloud, Edge, Inspection, RawEdge, Scene, Shading, Strokes, Toolpath
 from workbench.marks import FACES, INK, LOWER_EDGE, PALE, UPPER_EDGE, rgb
 from workbench.report.planned import Run, feed_colours, layer_colours, middle_of_cut_mm
-from workbench.report.scene import Points, View, around, face_ends, overview
+from workbench.report.scene import Points, View, around, overview, root_ends
 from workbench.report.scenes import (
     TOOL_AXIS_MM,
     both_edges,
@@ -82,7 +82,7 @@ def procedure_views(cloud: Cloud, edge: RawEdge, toolpath: Toolpath, budget: int
     final = toolpath.layers[-1]
     s = final.arc_length_mm
     keys = np.flatnonzero((s >= stretch.from_mm) & (s <= stretch.to_mm) & final.cutting)
-    vertices = zip(face_ends(cloud, edge, ROOT_FACE, stretch.frames), (LOWER_EDGE, UPPER_EDGE), strict=True)
+    vertices = zip(root_ends(cloud, edge, stretch.frames), (LOWER_EDGE, UPPER_EDGE), strict=True)
     frames = tool_axes(toolpath, keys, TOOL_FRAMES, TOOL_AXIS_MM)
     scenes = {
         "a": bare,

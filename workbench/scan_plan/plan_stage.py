@@ -427,7 +427,7 @@ def _learn(made: ScanPlan, search: Search, chosen: tuple[int, ...]) -> None:
         here = (which == number) & np.isfinite(made.bevel.u)
         if not group:
             continue
-        views = tuple(search.candidates[k].view for k in group)
+        views = search.views(group)
         if made.refused is not None:
             search.learned.append(Learned(views, math.inf, math.inf))
         elif here.any():
@@ -467,7 +467,8 @@ Tried = dict[frozenset[tuple[View, bytes]], Trial]  # by views, and the stations
 def _looked(task: Task, examiner: Examiner | None, table: float) -> _Looked:
     """Which views the cell allows. Leads only where none without serves."""
     found = _Looked(table, [], {}, [], frozenset() if examiner is None else examiner.on_base)
-    at = task.edge.at(task.stations)
+    at, (n, m) = task.edge.at(task.stations), task.joint.section_mm.T
+    corners = at.position_mm[:, None] + n[:, None] * at.normal[:, None] + m[:, None] * at.across[:, None]  # (s, 3, 3)
     for lead in LEADS_DEG:
         for elevation in task.elevations:
             view = View(elevation, task.profiler.middle_mm, task.pitches_mm[0], lead * DEG)
@@ -482,9 +483,7 @@ def _looked(task: Task, examiner: Examiner | None, table: float) -> _Looked:
                     found.refused[view] = reached
                     continue
                 turned, fastest = reached.turned, min(fastest, reached.fastest_mm_s)
-                names = examiner.shadows(
-                    _section_points(at, task.joint), eyes_mm(task.profiler, view, both[int(turned)]), table
-                )
+                names = examiner.shadows(corners, eyes_mm(task.profiler, view, both[int(turned)]), table)
                 sees = np.array([not name for name in names])
                 found.shadows.append((view, names))
             if not sees.any():
@@ -496,12 +495,6 @@ def _looked(task: Task, examiner: Examiner | None, table: float) -> _Looked:
         if found.candidates and np.any([one.sees for one in found.candidates], axis=0).all():
             break
     return found
-
-
-def _section_points(at: EdgeLine, joint: Joint) -> Shaped[Float, "s 3 3"]:
-    """Corners of the section at each station, in the base."""
-    n, m = joint.section_mm.T
-    return np.asarray(at.position_mm[:, None] + n[:, None] * at.normal[:, None] + m[:, None] * at.across[:, None])
 
 
 def _made(task: Task, looked: _Looked, chosen: tuple[int, ...]) -> ScanPlan:

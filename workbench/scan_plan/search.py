@@ -11,6 +11,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -82,17 +83,20 @@ class Search:
     candidates: Sequence[Candidate]
     learned: list[Learned] = field(default_factory=list)
 
+    def views(self, passes: tuple[int, ...]) -> tuple[View, ...]:
+        """Of these passes."""
+        return tuple(self.candidates[k].view for k in passes)
+
     def predicted(self, passes: tuple[int, ...]) -> Predicted:
         """What these passes tell together where all of them see the edge."""
-        views = tuple(self.candidates[k].view for k in passes)
-        return _told(self.joint, self.profiler, self.known, views, self.length_mm)
+        return _told(self.joint, self.profiler, self.known, self.views(passes), self.length_mm)
 
     def over(self, passes: tuple[int, ...]) -> tuple[float, float]:
         """Promised over wanted U of root face and bevel angle where all of these passes see the edge."""
         told = self.predicted(passes)
         root, bevel = told.most_root_mm / self.wanted.root_mm, told.bevel_deg / self.wanted.bevel_deg
-        views = tuple(self.candidates[k].view for k in passes)
-        (other, _), nearest = min(((one.away(views), one) for one in self.learned), default=((True, 0.0), None))
+        told_by = ((one.away(self.views(passes)), one) for one in self.learned)
+        (other, _), nearest = min(told_by, default=((True, 0.0), None))
         if nearest is not None and not other:
             root, bevel = nearest.root * root, nearest.bevel * bevel
         return RESERVE * COVERAGE * root, RESERVE * COVERAGE * bevel
@@ -142,11 +146,11 @@ class Search:
                     continue
                 looked += 1
                 finest = self.reach(choices[-1])
-                best = min(best, (choices[-1], finest), key=_of_reach)
+                best = min(best, (choices[-1], finest), key=itemgetter(1))
                 for passes in choices[:-1] if finest.short == hidden else ():
                     if self._seconds(passes) > best[1].seconds:
                         break
-                    best = min(best, (passes, self.reach(passes)), key=_of_reach)
+                    best = min(best, (passes, self.reach(passes)), key=itemgetter(1))
         return best
 
     def _ways(self) -> list[list[int]]:
@@ -165,10 +169,6 @@ class Search:
 
     def _seconds(self, passes: Sequence[int]) -> float:
         return sum(self.candidates[k].seconds for k in passes)
-
-
-def _of_reach(found: tuple[tuple[int, ...], Reach]) -> Reach:
-    return found[1]
 
 
 @functools.lru_cache(maxsize=8192)

@@ -11,8 +11,9 @@ from scipy.interpolate import splev, splprep
 from scipy.ndimage import gaussian_filter1d
 
 from workbench.errors import InputError
-from workbench.geometry.moves import arc_lengths_mm, chords_mm
+from workbench.geometry.moves import arc_lengths_mm, chords_mm, interpolated
 from workbench.geometry.poses import pose_from
+from workbench.path.course import unit
 from workbench.scan_plan.information import BESIDE_MM, Joint, Profiler, View, room_mm
 from workbench.units import Float, Shaped
 
@@ -57,8 +58,8 @@ class EdgeLine:
             raise InputError(str(source), why)
         at = np.linspace(0.0, along[-1], max(2, round(along[-1] / STATION_MM) + 1))
         both = np.union1d(along, at)  # a long straight piece holds the curve too
-        every = np.stack([np.interp(both, along, of) for of in points.T])
-        told, up = (np.stack([np.interp(at, along, of) for of in a.T], axis=1) for a in (points, upper))
+        every = interpolated(both, along, points).T
+        told, up = (interpolated(at, along, a) for a in (points, upper))
         for room in 0.5 * BESIDE_MM * 0.5 ** np.arange(12):  # less where the mean hides a corner that is cut
             spline = splprep(every, u=both, k=min(2, len(both) - 1), s=len(both) * room**2)[0]
             position, tangent = (np.stack(splev(at, spline, der), axis=1) for der in (0, 1))
@@ -66,7 +67,7 @@ class EdgeLine:
             if np.linalg.norm(off, axis=1).max() <= BESIDE_MM:
                 break
         at = arc_lengths_mm(position)
-        tangent /= np.linalg.norm(tangent, axis=1)[:, None]
+        tangent = unit(tangent)
         across = up - (up * tangent).sum(axis=1)[:, None] * tangent
         size = np.linalg.norm(across, axis=1)
         if size.min() < 0.1:
@@ -78,11 +79,10 @@ class EdgeLine:
         """The same at other stations; beyond its ends it goes straight on."""
         s = np.asarray(arc_length_mm)
         inside = np.clip(s, 0.0, self.length_mm)
-        position, *axes = (
-            np.stack([np.interp(inside, self.arc_length_mm, of) for of in a.T], axis=1)
-            for a in (self.position_mm, self.tangent, self.across)
+        position, tangent, across = (
+            interpolated(inside, self.arc_length_mm, a) for a in (self.position_mm, self.tangent, self.across)
         )
-        tangent, across = (a / np.linalg.norm(a, axis=1)[:, None] for a in axes)
+        tangent, across = unit(tangent), unit(across)
         position = position + (s - inside)[:, None] * tangent
         return EdgeLine(s, position, tangent, np.cross(tangent, across), across, self.source, self.beside_mm)
 

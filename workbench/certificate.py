@@ -11,7 +11,6 @@ import math
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -57,8 +56,7 @@ class Asked(NamedTuple):
     stems: tuple[str, ...] = ()  # a name with one of these that is not understood is refused
 
 
-@dataclass(frozen=True, slots=True)
-class Certified:
+class Certified(NamedTuple):
     """A length from a certificate."""
 
     value_mm: float
@@ -67,8 +65,7 @@ class Certified:
     left_out: tuple[str, ...] = ()  # its other results, each in a sentence
 
 
-@dataclass(frozen=True, slots=True)
-class Errors:
+class Errors(NamedTuple):
     """Errors of an instrument at all points of its calibration, in the unit that was asked for."""
 
     largest: float  # of either sign

@@ -13,7 +13,7 @@ import textwrap
 import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -184,8 +184,7 @@ class Dialect(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Written:
+class Written(NamedTuple):
     """A program's files, the decision on them, and what came of driving them."""
 
     documents: tuple[Document, ...]  # none where the program may not run

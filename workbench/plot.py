@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -57,16 +57,14 @@ Ends: TypeAlias = tuple[float | None, float | None]
 Ticks: TypeAlias = tuple[Sequence[float], Sequence[str]]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Line:
+class Line(NamedTuple):
     """A line or markers, as drawn."""
 
     xy: Float
     marker: str
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Text:
+class Text(NamedTuple):
     """A text, as drawn."""
 
     text: str

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,8 +32,7 @@ RULES = {
 }
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ControlChart:
+class ControlChart(NamedTuple):
     """n values in time order, in their own unit; a moving range is that between a value and the one before."""
 
     order: Shaped[Int, " n"]  # place of each value among all parts, hidden ones included
@@ -103,8 +102,7 @@ CONFIDENCE = 0.95
 LEAST_PARTS = 5  # values below which nothing is said
 
 
-@dataclass(frozen=True, slots=True)
-class Capability:
+class Capability(NamedTuple):
     """Of one characteristic in one section, over n parts; intervals cover with 95 %. NaN: too few parts."""
 
     n: int

@@ -7,9 +7,8 @@ import itertools
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import PurePosixPath, PureWindowsPath
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import quote
 
 import numpy as np
@@ -31,8 +30,7 @@ SIGNALS = 60  # of run rules in the page
 SIGNIFICANT = 0.01
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Study:
+class Study(NamedTuple):
     """One characteristic over all parts: a chart and a capability for each section, and for the parts' means."""
 
     what: Characteristic
@@ -364,12 +362,12 @@ def worst_chart(found: Sequence[Characteristic], counts: Int) -> bytes:
     return figure.svg()
 
 
+LIMITS = ("lower", "upper")
 PART_COLUMNS = ("part", "part_id", "recording", "outcome", "cause", "verdict", "seconds")
 IDENTITY_COLUMNS = ("drawing", "operator", "recorded_at", "sensor", "sensor_serial", "robot", "robot_serial")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Characteristic:
+class Characteristic(NamedTuple):
     """One measured quantity: P parts in the order given, S sections; NaN where it was not measured."""
 
     name: str
@@ -438,33 +436,33 @@ def least_margin(found: Sequence[Characteristic]) -> tuple[Float, Int]:
 def parquet(records: Sequence[Record]) -> bytes:
     """`fleet.parquet`: one row per part and section; one row without a section for a part that has none."""
     pa, pq = Extra("pyarrow"), Extra("pyarrow.parquet")
-    rows = [(order, record, one) for order, record in enumerate(records, 1) for one in (record.sections or ({},))]
-    columns: dict[str, Any] = {"order": pa.array([order for order, _, _ in rows], pa.int32())}
-    for name in PART_COLUMNS:
-        values = [getattr(record, name) for _, record, _ in rows]
-        if name == "seconds":
-            columns[name] = pa.array(values, pa.float64())
-        else:  # a file's name need not be text that can be encoded
-            columns[name] = pa.array([value and one_line(value) for value in values], pa.string())
-    for name in IDENTITY_COLUMNS:
-        texts = [record.identity.get(name) for _, record, _ in rows]
-        columns[name] = pa.array([text and one_line(str(text)) for text in texts], pa.string())
-    columns["simulated"] = pa.array([record.identity.get("simulated") for _, record, _ in rows], pa.bool_())
-    there = {name for _, record, one in rows for name in (*one, *required_in_file(record.requirements))}
+    required = [required_in_file(record.requirements) for record in records]
+    told = [one for record, wanted in zip(records, required, strict=True) for one in (*record.sections, wanted)]
+    there = {name for one in told for name in one}
     sizes = [name for name in ALL_TERMS if name in there] or [*BEVEL_TERMS]
-    for end in (0, 1):
-        for size in sizes:
-            limits = [_limit(record, size, end) for _, record, _ in rows]
-            columns[named(size, ("lower", "upper")[end])] = pa.array(limits, pa.float64())
-    columns["section"] = pa.array([one.get("index") for _, _, one in rows], pa.int32())
-    for name in ("arc_length_mm", *(column for size in sizes for column in (size, u_name(size)))):
-        columns[name] = pa.array([one.get(name) for _, _, one in rows], pa.float64())
-    columns["section_verdict"] = pa.array([one.get("verdict") for _, _, one in rows], pa.string())
+    values = ["arc_length_mm", *(column for size in sizes for column in (size, u_name(size)))]
+    text, number, whole = pa.string(), pa.float64(), pa.int32()
+    types = {
+        "order": whole,
+        **dict.fromkeys(PART_COLUMNS, text),
+        "seconds": number,
+        **dict.fromkeys(IDENTITY_COLUMNS, text),
+        "simulated": pa.bool_(),
+        **dict.fromkeys((named(size, end) for end in LIMITS for size in sizes), number),
+        "section": whole,
+        **dict.fromkeys(values, number),
+        "section_verdict": text,
+    }
+    rows = []
+    for order, (record, wanted) in enumerate(zip(records, required, strict=True), 1):
+        of_part = {"order": order, **record.identity, **{name: getattr(record, name) for name in PART_COLUMNS}}
+        for size, (nominal, ends) in wanted.items():
+            of_part |= {named(size, end): nominal + off for end, off in zip(LIMITS, ends, strict=True)}
+        for one in record.sections or ({},):
+            verdict = {"section": one.get("index"), "section_verdict": one.get("verdict")}
+            rows.append(of_part | {name: one.get(name) for name in values} | verdict)
+    for row in rows:  # a file's name need not be text that can be encoded
+        row |= {name: row[name] and one_line(str(row[name])) for name in types if types[name] is text and name in row}
     out = io.BytesIO()
-    pq.write_table(pa.table(columns), out, compression="zstd")
+    pq.write_table(pa.Table.from_pylist(rows, schema=pa.schema(types)), out, compression="zstd")
     return out.getvalue()
-
-
-def _limit(record: Record, size: str, end: int) -> float | None:
-    wanted = required_in_file(record.requirements).get(size)
-    return None if wanted is None else wanted[0] + wanted[1][end]

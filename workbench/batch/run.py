@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any, TextIO, TypedDict, Unpack
+from typing import Any, NamedTuple, TextIO, TypedDict, Unpack
 
 from rich.console import Console
 from rich.table import Table
@@ -35,8 +35,7 @@ TAKEN = ("fleet.html", "fleet.parquet", "superseded")  # what the folder of a ba
 SUFFIX = ".h5"
 
 
-@dataclass(frozen=True, slots=True)
-class Part:
+class Part(NamedTuple):
     """One part: `name` is that of its folder, `recording` a path or URL as given."""
 
     name: str

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import scipy
@@ -145,10 +145,10 @@ def deviation_document(
             for side, one in (("scan", scan), ("reference", reference))
         },
         "warnings": list(found.warnings),
-        "scales": dataclasses.asdict(scales),
+        "scales": scales._asdict(),
         "arc_length_along": summary.along,
         "sections": [dataclasses.asdict(section) for section in summary.sections],
-        "regions": [dataclasses.asdict(region) for region in summary.regions],
+        "regions": [region._asdict() for region in summary.regions],
         "histogram": {"edges_mm": summary.edges_mm, "counts": summary.counts},
         "places": {
             "position_mm": found.position_mm.round(4),
@@ -166,8 +166,7 @@ def deviation_document(
 # Deviations of a registered scan from a reference at evenly spread places.
 
 
-@dataclass(frozen=True, slots=True)
-class Scales:
+class Scales(NamedTuple):
     """Of the comparison: between places; diameters of a normal's neighbourhood and of a cylinder; its reach."""
 
     spacing_mm: float

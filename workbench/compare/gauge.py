@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -18,8 +19,7 @@ from workbench.errors import InputError
 from workbench.units import COVERAGE, Float, Int, Shaped
 
 
-@dataclass(frozen=True, slots=True)
-class Source:
+class Source(NamedTuple):
     """A row of the table, mean of the sections. NaN: the study has one level of it, or nothing to compare it with."""
 
     name: str
@@ -35,8 +35,7 @@ class Source:
         return self.sum_of_squares / self.freedom if self.freedom else 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Anova:
+class Anova(NamedTuple):
     """The table and the sizes of the study."""
 
     parts: int
@@ -114,8 +113,7 @@ DRAWS = 20_000
 NAMES = ("EV", "AV", "GRR", "PV", "TV")
 
 
-@dataclass(frozen=True, slots=True)
-class Component:
+class Component(NamedTuple):
     """A part of the variation: standard deviation and its 95 % interval, in the unit of the values; None: not shown."""
 
     name: str
@@ -126,8 +124,7 @@ class Component:
     tolerance_percent: float | None  # SPREAD * sd over the width of the tolerance
 
 
-@dataclass(frozen=True, slots=True)
-class Gauge:
+class Gauge(NamedTuple):
     """What a study says about the measuring system."""
 
     components: tuple[Component, ...]
@@ -196,8 +193,7 @@ def _draws(anova: Anova) -> dict[str, Float]:
     return {row.name: draw(row) for row in anova.sources}
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Agreement:
+class Agreement(NamedTuple):
     """P parts, O operators, R trials, S sections; NaN where there is no reference or no stated uncertainty."""
 
     bias: Shaped[Float, "P S"]  # mean of all measurements less the reference
@@ -249,8 +245,7 @@ class SectionGauge:
     gauge: Gauge
 
 
-@dataclass(frozen=True, slots=True)
-class Characteristic:
+class Characteristic(NamedTuple):
     """What was found of one characteristic."""
 
     name: str

@@ -13,8 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -34,8 +33,7 @@ ROUNDS = 5  # of leaving out and fitting again
 ASIDE = 4.685  # robust standard deviations beyond which a point counts no more: none of normal noise
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Surfels:
+class Surfels(NamedTuple):
     """c local planes."""
 
     centre_mm: Shaped[Float, "c 3"]  # mean of the neighbourhood
@@ -135,8 +133,7 @@ def on_mesh(reference: Surface) -> Target:
     return nearest
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Heights:
+class Heights(NamedTuple):
     """Where a surface meets the axes of c cylinders, along their normals; NaN: it does not."""
 
     height_mm: Shaped[Float, " c"]

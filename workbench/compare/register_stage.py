@@ -8,8 +8,8 @@ directions that the shapes leave open as in Gelfand and others, "Geometrically s
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
-from typing import Annotated, Any, Literal
+from dataclasses import asdict
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -36,8 +36,7 @@ COARSE_SPACINGS = 2.0  # voxel of the features, in spacings of the places
 MOST_PLACES = 20_000  # that a mesh is sampled at
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Equations:
+class Equations(NamedTuple):
     """Point-to-plane equations at one pose: n rows that count. Unknowns: shift (mm), turn times `lever_mm` (mm)."""
 
     use: Shaped[Bool, " c"]  # which places of the scan they belong to

@@ -64,7 +64,7 @@ def _characteristic_json(study: Study, one: Characteristic) -> dict[str, Any]:
         "name": one.name,
         "unit": study.unit_of(one.name),
         "limits": one.limits,
-        "anova": [{**dataclasses.asdict(row), "mean_square": row.mean_square} for row in one.anova.sources],
+        "anova": [{**row._asdict(), "mean_square": row.mean_square} for row in one.anova.sources],
         "interaction_pooled": one.anova.pooled,
         "correlation_between_sections": one.anova.correlation,
         **_gauge(one.gauge),
@@ -96,7 +96,7 @@ def _characteristic_json(study: Study, one: Characteristic) -> dict[str, Any]:
 
 def _gauge(gauge: Gauge) -> dict[str, Any]:
     return {
-        "components": [dataclasses.asdict(part) for part in gauge.components],
+        "components": [part._asdict() for part in gauge.components],
         "distinct_categories": gauge.categories,
     }
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -33,8 +34,7 @@ LEAST_PLACES = 4  # fewer beside each other may be chance
 NEIGHBOURS = np.ones((3, 3), np.uint8)
 
 
-@dataclass(frozen=True, slots=True)
-class Region:
+class Region(NamedTuple):
     """Places of change with one sign that lie beside each other on the map."""
 
     places: int
@@ -109,8 +109,7 @@ class SectionDeviation:
     significant: float  # share of places
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Summary:
+class Summary(NamedTuple):
     """Of all places that were compared."""
 
     compared: int

@@ -6,9 +6,9 @@ Only the joints between base and flange count: a gripper, a second arm or a turn
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,8 +26,7 @@ pin = Extra("pinocchio")
 SLACK = 0.02  # rad or m by which a joint may stand beyond its limits
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class JointModel:
+class JointModel(NamedTuple):
     """A robot from its URDF, between two of its frames."""
 
     path: Path

@@ -13,10 +13,9 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO, NoReturn, TypeVar
+from typing import Any, BinaryIO, NamedTuple, NoReturn, TypeVar
 
 import numpy as np
 
@@ -157,8 +156,7 @@ FEWEST_ROWS = 2
 WAYS = (("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), (" ", "."), (" ", ","))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Form:
+class Form(NamedTuple):
     """A table's form, and its first rows."""
 
     delimiter: str
@@ -256,8 +254,7 @@ DELIMITERS = {",": "','", ";": "';'", "\t": "tabs", " ": "blanks"}
 P = TypeVar("P", bound=TextPart)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Table:
+class Table(NamedTuple):
     """Columns of numbers by role; NaN where a cell is empty."""
 
     where: str

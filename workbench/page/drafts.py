@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping as Tree
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
@@ -15,8 +14,7 @@ from workbench.importing.mapping import Mapping
 OF_ONE_RECORDING = ("format", "version", "part_id", "recorded_at", "times", "uncertain", "lacking")
 
 
-@dataclass(frozen=True)
-class Asked:
+class Asked(NamedTuple):
     """One value of the mapping."""
 
     place: str  # such as profiles.length_unit
@@ -24,8 +22,7 @@ class Asked:
     choices: tuple[str, ...]  # none: any value
 
 
-@dataclass(frozen=True)
-class Question:
+class Question(NamedTuple):
     """One doubt; it may be about several values, or about none that can be changed."""
 
     doubt: str  # as the draft has it

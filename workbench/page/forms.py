@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from workbench.pipeline.catalogue import UNITS, find, parameter_texts, unit_of
 from workbench.pipeline.document import read_document, references
@@ -14,8 +13,7 @@ from workbench.stage import RESERVED, Role
 FIRST = 8  # inputs that stand open: files, and what the drawing says; the others are under "more"
 
 
-@dataclass(frozen=True)
-class Field:
+class Field(NamedTuple):
     """One input of a pipeline."""
 
     name: str

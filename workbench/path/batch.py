@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -63,8 +63,7 @@ def known_batch(path: Path, toolpath: Toolpath) -> Batch:
     return Batch(file.batch.parts, arc, np.array(columns[0]), np.array(columns[1]) * DEG, shift, turn * DEG)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Together:
+class Together(NamedTuple):
     """The values of all parts at n places, the share of their scatter that is left, and how parts differ so far."""
 
     values: Shaped[Float, " n"]

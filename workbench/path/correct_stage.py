@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from dataclasses import replace
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -48,8 +48,7 @@ OTHERS = (
 LEAST_SHARE = 0.5  # of the stretch that the finishing pass cuts, that must be measured
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Cut:
+class Cut(NamedTuple):
     """The face as it was cut at n places of the plan: what of the profile lies where the path cuts."""
 
     arc_length_mm: Shaped[Float, " n"]  # as planned
@@ -61,16 +60,14 @@ class Cut:
     moved_mm: Shaped[Float, "n 2"]  # the lower edge beside the plan's: along b, along m
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SharedU:
+class SharedU(NamedTuple):
     """Standard uncertainties at n places, and what of them may be one error of the whole edge."""
 
     local: Shaped[Float, " n"]
     shared: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class Seen(NamedTuple):
     """What n places of a cut show of one displacement, and what may be known of it."""
 
     values: Shaped[Float, " n"]

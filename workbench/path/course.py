@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -63,8 +64,7 @@ def smoothstep(x: Float) -> Float:
     return np.asarray(x * x * (3.0 - 2.0 * x))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Poses:
+class Poses(NamedTuple):
     """Frames of the tool at k points: origin and axes (k, 3) in the base."""
 
     origin_mm: Float

@@ -5,8 +5,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Annotated
+from dataclasses import replace
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -25,8 +25,7 @@ TANGENTS = 8  # that stand for a fillet: they leave it by 0.4 % of its radius at
 SWEPT_STATIONS = 10  # a mm of edge: fine enough for the steep sides of the circle that a cutter leaves
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Remaining:
+class Remaining(NamedTuple):
     """Points of the cloud that no earlier layer took away, and the face that each layer leaves."""
 
     stock: Stock

@@ -39,8 +39,7 @@ FILLET_MM = 0.002  # by which a cutter's radius may differ from the fillet's: wh
 LEAST_SLOPE = 0.1  # sine of the angle between upper surface and bevel
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Air:
+class Air(NamedTuple):
     """How the cutter passes above what it does not cut, mm."""
 
     over_mm: float  # clearance above stock and clamps

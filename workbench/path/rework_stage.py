@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Annotated
+from dataclasses import replace
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -44,8 +44,7 @@ from workbench.units import DEG, Bool, Float, Shaped
 LEAST_MM = 0.02  # no less than this is milled, or missed
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Excess:
+class Excess(NamedTuple):
     """What the face as measured has above the required one, along its normal, at n stations; NaN where not measured."""
 
     root_end_mm: Shaped[Float, " n"]  # at the root face

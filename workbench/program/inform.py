@@ -20,7 +20,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -96,8 +96,7 @@ JOB = Language(
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Arm:
+class Arm(NamedTuple):
     """A robot with the controller's tool, and the frame of its positions."""
 
     chain: Chain

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -270,8 +269,7 @@ SEARCHED, KEPT, REJECTS = 4_000_000, 100_000, 20_000  # grid points searched for
 MARGIN_MM = 3.0  # shown beyond the faces
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PlanView:
+class PlanView(NamedTuple):
     """The picture and what it leaves out."""
 
     svg: bytes

@@ -39,8 +39,10 @@ def _lead(found: PathCorrection) -> str:
 
 def _displaced(found: PathCorrection) -> tuple[tuple[str, str, Float, Float, Float], ...]:
     """Shift and tilt: name, unit; measured, u, and what was corrected (k,) in it."""
-    turned = (one / DEG for one in (found.turn, found.turn_u, found.tilt))
-    return ("Shift", " mm", found.displacement_mm, found.displacement_u_mm, found.shift_mm), ("Tilt", "°", *turned)
+    return (
+        ("Shift", " mm", found.displacement_mm, found.displacement_u_mm, found.shift_mm),
+        ("Tilt", "°", found.turn / DEG, found.turn_u / DEG, found.tilt / DEG),
+    )
 
 
 def _found_rows(found: PathCorrection) -> Iterator[tuple[str, ...]]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -145,8 +144,7 @@ def plan(
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Cut:
+class Cut(NamedTuple):
     """A layer in a section: where its bevel face starts (at the upper side) and ends, (2,) each, in mm."""
 
     layer: Layer
@@ -155,8 +153,7 @@ class Cut:
     fillet: Shaped[Float, "f 2"]  # below it, made by a ball end; a flat end's has no extent
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Stepped:
+class Stepped(NamedTuple):
     """The section at an arc length: stock and layers."""
 
     arc_length_mm: float

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,8 +22,7 @@ FEEDS, MOST_NAMES = 5, 12  # feeds, and layers, that a key names
 Row = tuple[str, str]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Run:
+class Run(NamedTuple):
     """The whole path in the order in which it is run, k points, in the base."""
 
     position_mm: Shaped[Float, "k 3"]
@@ -46,8 +45,7 @@ class Run:
         return np.flatnonzero(np.diff(self.layer, prepend=-1))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PlannedBevel:
+class PlannedBevel(NamedTuple):
     """Root face and bevel angle that the final layer makes at its k cutting points, in their section planes."""
 
     arc_length_mm: Shaped[Float, " k"]
@@ -293,8 +291,7 @@ def duration(seconds: float) -> str:
 NEAR_MM = 20.0  # farther from the section's origin the path belongs to another place
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Compared:
+class Compared(NamedTuple):
     """A section: planned root face, mm, and bevel angle, deg; None where the final layer does not cut there."""
 
     section: Section

@@ -9,9 +9,9 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
 from functools import cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -24,8 +24,7 @@ from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 ROOM_ABOVE = 0.03  # of a picture's width, for the numbers of the planes
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class View:
+class View(NamedTuple):
     """A scene as it is looked at, in parallel projection: its first shading, all lines (one of a single point is a
     dot), and its marks as planes.
     """
@@ -63,8 +62,7 @@ SURROUNDINGS_MM = 5.0  # unlabelled points are drawn this far about the faces; f
 AXES_POINTS = 5000  # that the principal axes of the faces are told from
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Points:
+class Points(NamedTuple):
     """Grid points that gave a return: coordinates in the base, face and place in the grid."""
 
     position_mm: Shaped[Float, "n 3"]  # base
@@ -74,7 +72,7 @@ class Points:
 
     def where(self, mask: Bool | Int) -> Points:
         """The points where `mask` (n,) holds, or those of the given indices in their order."""
-        return Points(*(getattr(self, each.name)[mask] for each in fields(self)))
+        return Points._make(each[mask] for each in self)
 
 
 def overview(cloud: Cloud, edge: Edge, budget: int) -> Points:

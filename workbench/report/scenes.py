@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -274,7 +274,7 @@ def telling(cloud: Cloud, edge: Edge, budget: int) -> Points:
     rest = overview(cloud, edge, budget)
     others = np.flatnonzero(~np.isin(_place(rest, cloud), _place(corners, cloud)))
     rest = rest.where(order.permutation(others)[: budget - len(corners.label)])
-    both = Points(*(np.concatenate([getattr(each, f.name) for each in (corners, rest)]) for f in fields(Points)))
+    both = Points(*map(np.concatenate, zip(corners, rest, strict=True)))
     return both.where(order.permutation(len(both.label)))
 
 

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,8 +25,7 @@ from workbench.units import DEG, AnyArray, Bool, Float, Shaped
 STRIP = (0.13, 0.1, 0.27, 0.16)  # the strip's place in a section's panel, inside the material
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LaidOut:
+class LaidOut(NamedTuple):
     """A section and its points in its own plane."""
 
     section: Section

@@ -10,9 +10,8 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -29,8 +28,7 @@ STEEL_PER_K = 11.5e-6  # thermal expansion
 UNIFORM = math.sqrt(3.0)  # half a range over its standard deviation
 
 
-@dataclass(frozen=True, slots=True)
-class Link:
+class Link(NamedTuple):
     """One link of the chain, as standard uncertainties."""
 
     name: str
@@ -41,8 +39,7 @@ class Link:
     why_left: str
 
 
-@dataclass(frozen=True, slots=True)
-class Need:
+class Need(NamedTuple):
     """One characteristic: its tolerance, and how the chain serves it."""
 
     name: str
@@ -274,7 +271,7 @@ def sensitivity(
     document = {
         "part": dataclasses.asdict(toolpath.part),
         "bevel_deg": toolpath.bevel_deg,
-        "links": [{key: dataclasses.asdict(link)[key] for key in LINK_IN_FILE} for link in (*links, measured)],
+        "links": [{key: getattr(link, key) for key in LINK_IN_FILE} for link in (*links, measured)],
         "characteristics": [
             {
                 "name": need.name,

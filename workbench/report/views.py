@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,8 +32,7 @@ LIGHT, DARK, MARKED = 225.0, 95.0, 255  # grey of the highest and of the lowest 
 CLOSE_UP_MM, SECTION_MM = 12.0, 14.0  # half the stretch of edge in close-ups of layers, and of a section
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Shown:
+class Shown(NamedTuple):
     """The stretch of edge that the views show, and where the frames (k,) in it lie."""
 
     from_mm: float

@@ -124,8 +124,7 @@ class View(NamedTuple):
     lead: float = 0.0  # of the laser plane from the section plane, rad
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PassInformation:
+class PassInformation(NamedTuple):
     """What one pass tells; variances of single frames, of frames `per_mm` along the edge."""
 
     view: View

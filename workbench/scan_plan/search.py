@@ -29,8 +29,7 @@ class Wanted(NamedTuple):
     bevel_deg: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Candidate:
+class Candidate(NamedTuple):
     """A pass that could be driven."""
 
     view: View

@@ -145,43 +145,33 @@ class Dialect(Protocol):
     @property
     def job(self) -> ProgramJob:
         """What is to be written."""
-        ...
 
     def head(self) -> Iterable[str]:
         """All before the first move: declarations, tool, work object."""
-        ...
 
     def start(self) -> Iterable[str]:
         """To the first target."""
-        ...
 
     def straight(self, i: int) -> Iterable[str]:
         """A straight move to target i."""
-        ...
 
     def circular(self, i: int) -> Iterable[str]:
         """A circular move over via i to target i."""
-        ...
 
     def remark(self, text: str) -> str:
         """A comment; `text` is plain."""
-        ...
 
     def foot(self) -> Iterable[str]:
         """All after the last move."""
-        ...
 
     def documents(self, text: str) -> Mapping[str, str]:
         """File names and texts of the program whose lines are `text`: mostly one."""
-        ...
 
     def read(self, files: Mapping[str, str]) -> ProgramMoves:
         """The program back from its files (name -> text), strictly: what it does not know is refused."""
-        ...
 
     def configuration(self, joints: Float, cell: Any) -> tuple[int, ...] | None:
         """Of a posture (6,) in a cell, rad, as this dialect counts it; None: its programs say none."""
-        ...
 
 
 class Written(NamedTuple):

@@ -207,7 +207,7 @@ def feed_faults(toolpath: Toolpath, v_fast_mm_s: float | None, acceleration_mm_s
     for layer in moves:
         if isinstance(layer, Layer):
             fast_cut = layer.cutting & (layer.feed_mm_s > slow * (1.0 + SHARE))
-            yield from _fault(layer, fast_cut, f"cuts faster than {slow:g} mm/s")
+            yield from _faults(layer, (fast_cut, f"cuts faster than {slow:g} mm/s"))
 
 
 def frame_faults(toolpath: Toolpath, edge: Edge) -> Iterator[str]:
@@ -256,8 +256,8 @@ def _advance(toolpath: Toolpath, layer: Layer) -> Iterator[str]:
     step = np.diff(layer.arc_length_mm)
     turn = np.maximum.reduce([_angle(a[1:], a[:-1]) for a in (poses.x, poses.y, poses.z)])
     forward = np.minimum(_forward(poses, poses.origin_mm), _forward(poses, poses.origin_mm - radius * poses.x))
-    yield from _fault(layer, forward <= 0.0, "crosses itself")
-    yield from _fault(layer, turn > TURN_DEG_PER_MM * DEG * np.maximum(step, 0.1), "turns abruptly")
+    abrupt = turn > TURN_DEG_PER_MM * DEG * np.maximum(step, 0.1)
+    yield from _faults(layer, (forward <= 0.0, "crosses itself"), (abrupt, "turns abruptly"))
 
 
 def _forward(poses: Poses, points: Float) -> Float:
@@ -286,16 +286,19 @@ def layer_faults(toolpath: Toolpath, edge: Edge) -> Iterator[str]:
         section = from_edge(toolpath, layer, course)
         height = bevel.height_mm(section)
         along = ((poses_of(toolpath, layer).origin_mm - course.position_mm) * course.tangent).sum(axis=1)
-        yield from _fault(layer, height < -HEIGHT_MM, "lies below the finished bevel")
-        yield from _fault(layer, layer.cutting & (np.abs(height - layer.height_mm) > HEIGHT_MM), "is not at its height")
-        yield from _fault(layer, np.abs(along) > ALONG_MM, "is not in the section of its arc length")
-        yield from _fault(layer, layer.cutting & ~course.seen, "cuts where nothing was measured")
-        yield from _fault(layer, layer.cutting & ~layer.measured, "cuts where nothing was measured")
         flute = cutter.flute_length_mm - (cutter.radius_mm if cutter.ball_end else 0.0)
-        yield from _fault(layer, layer.cutting & (layer.width_mm > flute), "is wider than the flute")
+        yield from _faults(
+            layer,
+            (height < -HEIGHT_MM, "lies below the finished bevel"),
+            (layer.cutting & (np.abs(height - layer.height_mm) > HEIGHT_MM), "is not at its height"),
+            (np.abs(along) > ALONG_MM, "is not in the section of its arc length"),
+            (layer.cutting & ~course.seen, "cuts where nothing was measured"),
+            (layer.cutting & ~layer.measured, "cuts where nothing was measured"),
+            (layer.cutting & (layer.width_mm > flute), "is wider than the flute"),
+        )
         if bevel.fillet_mm:
             off = np.abs((section - bevel.middle(course, layer.height_mm)) @ bevel.up)
-            yield from _fault(layer, off > HEIGHT_MM, "does not stand where its ball end makes the fillet")
+            yield from _faults(layer, (off > HEIGHT_MM, "does not stand where its ball end makes the fillet"))
         yield from _spacing(layer, toolpath.edge_length_mm)
         if not layer.cutting.any():
             yield f"layer {layer.index} cuts nothing but air"
@@ -322,11 +325,11 @@ def cutter_faults(toolpath: Toolpath) -> Iterator[str]:
         yield f"the cutter has no ball end of the fillet's radius, {radius:g} mm"
 
 
-def _fault(layer: Layer, wrong: Bool, words: str) -> Iterator[str]:
-    """One line for the points that are wrong, with the place of the first."""
-    if wrong.any():
-        at = layer.arc_length_mm[np.flatnonzero(wrong)[0]]
-        yield f"layer {layer.index} {words} at arc length {at:.1f} mm"
+def _faults(layer: Layer, *told: tuple[Bool, str]) -> Iterator[str]:
+    """One line for the points that are wrong in some way, with the place of the first."""
+    for wrong, words in told:
+        if wrong.any():
+            yield f"layer {layer.index} {words} at arc length {layer.arc_length_mm[np.flatnonzero(wrong)[0]]:.1f} mm"
 
 
 def _spacing(layer: Layer, length_mm: float) -> Iterator[str]:

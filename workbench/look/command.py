@@ -350,7 +350,7 @@ def scene_of(found: Seen) -> Scene | None:
 
 
 def _shading(shade: Shade) -> Shading:
-    from workbench.marks import code, ramp
+    from workbench.marks import ramp
 
     low, high = np.percentile(shade.values, SHARE)
     if not high > low:
@@ -358,7 +358,7 @@ def _shading(shade: Shade) -> Shading:
     palette = ramp(np.linspace(0.0, 1.0, 256))
     index = np.round(255.0 * np.clip((shade.values - low) / max(high - low, 1e-12), 0.0, 1.0)).astype(np.uint8)
     legend = tuple(
-        (f"{low + part * (high - low):.6g}", code(palette[round(255 * part)] / 255.0))
+        (f"{low + part * (high - low):.6g}", "#{:02x}{:02x}{:02x}".format(*palette[round(255 * part)]))
         for part in (0.0, 0.25, 0.5, 0.75, 1.0)
     )
     return Shading(shade.name, index, palette, legend)

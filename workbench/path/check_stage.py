@@ -129,13 +129,8 @@ def check(
     faults = chain(place.faults, faults)
     rests = (f"NOT CHECKED: {toolpath.rests_on}",) if toolpath.rests_on and not rests_milled else ()
     shape = (place.shape_only,) if place.shape_only else ()
-    # Checks of the recording behind the path: those that a parameter made weaker than the rule, and what the recording
-    # could not show, which may move the whole path.
-    weaker = (f"check {one.name}: {one.finding}" for one in toolpath.evidence if one.loosened)
-    loosened = (*shape, *weakened(penetration_mm), *weaker, *rests)
-    told = (one.finding for one in toolpath.evidence if one.name in SHOWING)
-    unshown = (finding for finding in told if any(words in finding for words in UNSHOWN))
-    unseen = () if workpiece is not None else (*unshown, *place.unseen)
+    loosened = (*shape, *weakened(penetration_mm), *loosened_checks(toolpath), *rests)
+    unseen = () if workpiece is not None else (*unseen_checks(toolpath), *place.unseen)
     gate = decision(toolpath, faults, penetration_mm, loosened, unseen)
     return dataclasses.replace(gate, loaded=predicted is not None)
 
@@ -164,6 +159,11 @@ def weakened(penetration_mm: float) -> tuple[str, ...]:
     return (f"the cutter may enter what must remain by {penetration_mm:g} mm, the rule is {PENETRATION_MM:g} mm",)
 
 
+def loosened_checks(toolpath: Toolpath) -> tuple[str, ...]:
+    """Checks of the recording behind the path that a parameter made weaker than the rule."""
+    return tuple(f"check {check.name}: {check.finding}" for check in toolpath.evidence if check.loosened)
+
+
 SHOWING = (
     "flange_turn_deg",
     "fixed_end_share",
@@ -175,6 +175,12 @@ SHOWING = (
 )
 # Words of findings where a recording is blind; of earlier files "nothing tells".
 UNSHOWN = ("would not show", "in no value", "does not show", "nothing tells")
+
+
+def unseen_checks(toolpath: Toolpath) -> tuple[str, ...]:
+    """What the recording behind the path could not show: it may move the whole path."""
+    told = [check.finding for check in toolpath.evidence if check.name in SHOWING]
+    return tuple(finding for finding in told if any(words in finding for words in UNSHOWN))
 
 
 def _first(faults: Iterator[str]) -> Iterator[str]:

@@ -94,7 +94,7 @@ def groove_drawing(cloud: Cloud, groove: Joint, section: Section) -> bytes:
     room = np.array([-0.5, 0.5]) * size
     axes.set(xlim=tuple(ends + room), ylim=(low - 0.42 * size, high + 0.42 * size), aspect="equal")
     axes.points(uv[:, 0], uv[:, 1], ".", color=MEASURED, markersize=3.2, alpha=0.5)
-    sides = {name: ends[name.startswith("right")] for name in corner if name in SURFACES}
+    sides = {name: ends[name.startswith("right")] for name in sorted(SURFACES & {*corner})}
     for line in (*section.chains, *(np.array([(far, corner[name][1]), corner[name]]) for name, far in sides.items())):
         axes.plot(*line.T, color=INK, linewidth=0.7)
     axes.points(places[:, 0], places[:, 1], "o", color=INK, markersize=2.4)

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Chapter, Cloud, Edge, Inspection
 from workbench.errors import InputError, one_line
-from workbench.marks import FACES, REJECTED, VERDICTS
+from workbench.marks import FACES, REJECTED
 from workbench.report.along import plan_view, size_chart, u_chart
 from workbench.report.scene import pictures
 from workbench.report.scenes import inspection_scene
@@ -24,6 +24,7 @@ from workbench.report.tables import (
     plan_note,
     section_rows,
     set_aside,
+    verdicts_found,
 )
 from workbench.report.text import data_address, render
 from workbench.report.views import section_views
@@ -85,7 +86,7 @@ def inspection(
         if cloud.part.scan_plan == plan_id(scan_plan.read_bytes()):
             drawn["planned"] = u_chart(plan, inspection)
     aside = plan_view(cloud, edge, inspection)
-    sizes, found = inspection.characteristics, inspection.sections
+    sizes = inspection.characteristics
     return Chapter(
         title="Inspection",
         html=render(
@@ -94,7 +95,7 @@ def inspection(
             pictures={name: data_address(content) for name, content in {**drawn, "plan": aside.svg}.items()},
             of_interest=of_interest(inspection).index,
             heads=list(map(head, sizes)),
-            sections=section_rows(inspection, sizes) if len(found) > MOST_ROWS else [],
+            sections=section_rows(inspection, sizes) if len(inspection.sections) > MOST_ROWS else [],
             failed_checks=check_rows(inspection.checks, passed=False),
             passed_checks=check_rows(inspection.checks, passed=True),
             set_aside=list(set_aside(cloud, edge)),
@@ -102,7 +103,7 @@ def inspection(
             tilt=TILTS.get(inspection.root_face_tilt, inspection.root_face_tilt),
             guard_factor=inspection.guard_factor,
             faces=faces_seen(edge),
-            verdicts=[(name, VERDICTS[name]) for name in VERDICTS if any(s.verdict == name for s in found)],
+            verdicts=verdicts_found(inspection),
             root_colour=FACES[ROOT_FACE],
             bevel_colour=FACES[BEVEL_FACE],
             rejected_colour=REJECTED,

@@ -219,9 +219,7 @@ def sensitivity(
     """
     bevel, sine = toolpath.bevel_deg * DEG, math.sin(toolpath.bevel_deg * DEG)
     eye_from, eye_mm, eye_deg = _hand_eye(toolpath, edge, hand_eye_mm, hand_eye_deg)
-    sensor_mm, sensor_deg = 0.0, 0.0  # of the planned face along b, and of its direction: the scan's own
-    if isinstance(edge, RawEdge):
-        sensor_mm, sensor_deg = _across(edge.position_u_mm, bevel), _turn_deg(edge)
+    sensor_mm, sensor_deg = _of_edge(edge, bevel)
     tool_from, table_from, robot_from = "given", "given", "given"
     if tool is not None:
         told, tool_from = ToolFile.read(tool), CALIBRATED
@@ -294,6 +292,13 @@ def sensitivity(
         Chapter("Error budget of the milled bevel", html, summary=summary, part=toolpath.part),
         result_file("sensitivity.json", document),
     )
+
+
+def _of_edge(edge: Edge, bevel: float) -> tuple[float, float]:
+    """u of the planned face along b, mm, and of its direction, deg: the scan's own."""
+    if not isinstance(edge, RawEdge):
+        return 0.0, 0.0
+    return _across(edge.position_u_mm, bevel), _turn_deg(edge)
 
 
 def _across(u_mm: Float, bevel: float) -> float:

@@ -26,7 +26,7 @@ from workbench.artefacts import (
 )
 from workbench.artefacts.edges import RecognisedInspection
 from workbench.errors import one_line
-from workbench.marks import FACES
+from workbench.marks import FACES, VERDICTS
 from workbench.report.along import PlanView, hidden_stretches
 from workbench.report.text import alike, data_address, decimals, measured, render, source
 from workbench.units import COVERAGE, Float
@@ -43,6 +43,12 @@ def facts(cloud: Cloud, edge: Edge) -> Iterator[tuple[str, str]]:
 
 
 HIDDEN = "hidden"  # in place of a value
+
+
+def verdicts_found(inspection: JointInspection) -> list[tuple[str, str]]:
+    """Verdicts of sections, as they are drawn."""
+    found = {section.verdict for section in inspection.sections}
+    return [one for one in VERDICTS.items() if one[0] in found]
 
 
 def section_rows(inspection: JointInspection, found: Sequence[Characteristic]) -> list[dict[str, Any]]:

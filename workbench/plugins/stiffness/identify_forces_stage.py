@@ -419,8 +419,8 @@ def _run_out(tried: Tried, recorded: Sequence[Recorded], per_tooth: Float, cut: 
     radial_mm = cut.cutter.diameter_mm / 2 * (1.0 - np.cos(cut.angles[1] - cut.angles[0]))
 
     def through(size: float, angle: float) -> Float:
-        depths = (np.full(len(per_tooth), one) for one in (radial_mm, cut.axial_mm))
-        turn = milling_force(of, cut.cutter, per_tooth, *depths, Teeth(helix, size, angle))
+        radial, axial = (np.full(len(per_tooth), one) for one in (radial_mm, cut.axial_mm))
+        turn = milling_force(of, cut.cutter, per_tooth, radial, axial, Teeth(helix, size, angle))
         return turn[..., :3] * np.where(down, DOWN, 1.0)
 
     def line(size: float, angle: float) -> Float:

@@ -68,12 +68,6 @@ def translation(R: Float, seen: Centres) -> Float:
     return np.asarray(np.linalg.lstsq(matrix, side, rcond=None)[0][:3])
 
 
-def translation_cost(R: Float, t: Float, seen: Centres) -> Float:
-    """Sum of squares (s,) of equation (8) over all pairs, for translations (s, 3): k times that about the mean."""
-    base = np.einsum("kab,skb->ska", seen.r, seen.P @ R.T + t[:, None]) + seen.t
-    return np.asarray(len(seen.P) * np.sum((base - base.mean(axis=1, keepdims=True)) ** 2, axis=(1, 2)))
-
-
 def analytic(seen: Centres, where: str = "postures") -> Float:
     """Hand-eye pose (4, 4): Kabsch on the pairs of pure translation, then the translation by linear least squares.
 
@@ -106,8 +100,13 @@ def genetic(design: Float, seen: Centres, seed: int) -> Float:
 
     angles = _evolve(lambda genes: np.sum(pairs.residual(rotation(genes)) ** 2, axis=1), rpy, BOX_RAD, seed)
     R = rotation_from_rpy(*angles)
-    shift = _evolve(lambda genes: translation_cost(R, np.atleast_2d(genes.T), seen), design[:3, 3], BOX_MM, seed)
-    return pose_from(R, shift)
+
+    def cost(genes: Float) -> Float:
+        """Squares of equation (8) over all pairs, for translations: k times that about the mean."""
+        base = np.einsum("kab,skb->ska", seen.r, seen.P @ R.T + np.atleast_2d(genes.T)[:, None]) + seen.t
+        return np.asarray(len(seen.P) * np.sum((base - base.mean(axis=1, keepdims=True)) ** 2, axis=(1, 2)))
+
+    return pose_from(R, _evolve(cost, design[:3, 3], BOX_MM, seed))
 
 
 def two_step(start: Float, seen: Centres) -> Float:

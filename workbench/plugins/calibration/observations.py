@@ -253,8 +253,14 @@ def by_pass(profiles: SphereProfiles, recording: Recording) -> Observations:
         good = _agreeing(profiles.circle[rows], profiles.covariance[rows])
         groups.append(rows[good])
         rejected += [Rejected(f, "contradicts the other repeats of its posture") for f in profiles.frame[rows[~good]]]
-    means = [_mean(profiles.circle[rows], profiles.covariance[rows]) for rows in groups]
-    circle, covariance = (np.array(part) for part in zip(*means, strict=True))
+    inverses = [np.linalg.inv(profiles.covariance[rows]) for rows in groups]
+    covariance = np.array([np.linalg.inv(one.sum(axis=0)) for one in inverses])
+    circle = np.array(
+        [
+            spread @ np.einsum("kij,kj->i", one, profiles.circle[rows])
+            for spread, one, rows in zip(covariance, inverses, groups, strict=True)
+        ]
+    )
     frames = tuple(tuple(profiles.frame[rows].tolist()) for rows in groups)
     time = np.array([recording.time_s[list(one)].mean() for one in frames])
     passes = recording.pass_index[[one[0] for one in frames]]
@@ -286,10 +292,3 @@ def _agreeing(circle: Float, covariance: Float) -> Bool:
     distance = np.einsum("ki,kij,kj->k", off, np.linalg.inv(2 * covariance), off)
     spread = max(1.0, np.median(distance) / 2.4)  # 2.4: the median of chi-square with 3 degrees of freedom
     return np.asarray(distance < REPEAT_GATE * spread)
-
-
-def _mean(circle: Float, covariance: Float) -> tuple[Float, Float]:
-    """Weighted mean of repeats (m, 3) and its covariance."""
-    information = np.linalg.inv(covariance)
-    spread = np.linalg.inv(information.sum(axis=0))
-    return spread @ np.einsum("kij,kj->i", information, circle), spread

@@ -47,6 +47,7 @@ from workbench.plugins.stiffness.traversal import (
 )
 
 AZIMUTH, ELEVATION = -60.0 * DEG, 22.0 * DEG  # from where a still picture shows the cell
+FEASIBLE = "The whole map is feasible."
 NO_PLATE = "The cell holds no plate (robot.plate): the path alone is drawn."
 
 
@@ -211,11 +212,13 @@ def posture_chapter(cell: Cell, found: Found, toolpath: Toolpath) -> Chapter:
         f"Postures for {len(found.points.layer)} points: {mean_of(found)}{above}; least clearance "
         f"{np.nanmin(made.clearance_mm, initial=np.inf):.0f} mm"
     )
+    parts = found.map.shares(1, (3, 2, 1, COLLISION))
+    pairs = [f"{a} with {b} {100 * np.mean(found.map.pair == i):.1f} %" for i, (a, b) in enumerate(found.map.pairs)]
     text = (
         pieces.paragraph(pieces.minus(_how(found)))
         + pieces.list_html(made.warnings)
         + _table(found)
-        + _causes(found)
+        + pieces.paragraph(f"Infeasible share of the map: {', '.join(parts + pairs)}." if parts else FEASIBLE)
         + pieces.heading(f"Mean {found.measure.name} over cutter rotation and turntable angle")
         + pieces.figure_html(
             map_picture(found),
@@ -286,16 +289,6 @@ def _row(name: str, case: Case | None) -> tuple[str, ...]:
     said = f"collision of {case.pair[0]} with {case.pair[1]}" if case.pair else ""
     d = case.cost
     return name, f"{case.rotation / DEG:g}", f"{case.table / DEG:g}", f"{d.mean():.4f}", f"{d.max():.4f}", said
-
-
-def _causes(found: Found) -> str:
-    """Why the rest of the map is infeasible."""
-    pair = found.map.pair
-    parts = found.map.shares(1, (3, 2, 1, COLLISION))
-    pairs = [f"{a} with {b} {100 * np.mean(pair == i):.1f} %" for i, (a, b) in enumerate(found.map.pairs)]
-    if not parts:
-        return pieces.paragraph("The whole map is feasible.")
-    return pieces.paragraph(f"Infeasible share of the map: {', '.join(parts + pairs)}.")
 
 
 # Pictures of the posture optimiser: its map (Fig. 17a), and what comes along the path.

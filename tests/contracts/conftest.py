@@ -25,7 +25,7 @@ from workbench.synthetic import parse_recipe, simulate_recording
 PIPELINES = Path(__file__).parents[2] / "pipelines"
 DATA = PIPELINES.parent / "data" / "synthetic"
 SCANNED = {"format": "bevel-recipe", "version": 1, "seed": 11, "passes": [{"from_mm": 5.0, "to_mm": 45.0}]}
-SCANNED["robot"] = {"frame_pitch_mm": 0.4}
+SCANNED["robot"] = {"frame_pitch_mm": 0.8}
 MILLED = SCANNED | {"scanner": {"columns": 400}}
 RAW = SCANNED | {"scanner": {"columns": 400}, "part": {"kind": "raw", "length_mm": 50.0, "thickness_mm": 5.0}}
 MOTION = np.eye(4)  # moved from base, in mm

@@ -99,7 +99,7 @@ def image_of(mean: Float, *passes: SeenBy) -> FaceImage:
     count = len(mean)
     noise = np.broadcast_to(1e-6 * np.eye(16), (count, 16, 16))
     of_pass = np.arange(count) if passes else np.zeros(count, int)
-    return FaceImage(np.zeros((count, 2)), mean, noise, PLACE_MM, np.ones(count), of_pass, passes or (seen_by(),))
+    return FaceImage(np.zeros((count, 2)), mean, noise, PLACE_MM, np.zeros(count), of_pass, passes or (seen_by(),))
 
 
 @pytest.mark.parametrize(("begin", "end", "end_mm"), [(9, 16, 0.03), (5, 9, 0.0), (0, 4, 0.03)])

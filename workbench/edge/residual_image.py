@@ -102,10 +102,15 @@ class FaceImage(NamedTuple):
     mean: Shaped[Float, "k p"]  # across the face, mm
     noise: Shaped[Float, "k p p"]  # its covariance, mm^2
     place_mm: Shaped[Float, " p"]  # along the face from its middle, towards its lower end
-    lean: Shaped[Float, " k"]  # mm along the face by mm of the sensor's lateral axis
+    slope: Shaped[Float, " k"]  # of its line, in the sensor's axes, towards its lower end
     of_pass: Shaped[Int, " k"]  # number of the pass of each stretch
     passes: tuple[SeenBy, ...] = ()
     errors: ColumnErrors | None = None  # of the sensor where it sees the face; None: only what it is declared to err
+
+    @property
+    def lean(self) -> Float:
+        """Millimetres (k,) along the face by one of the sensor's lateral axis."""
+        return np.hypot(1.0, self.slope)
 
 
 def face_image(
@@ -147,7 +152,7 @@ def face_image(
     width = 2.0 * half / places
     place_mm, s = (np.arange(places) + 0.5 - 0.5 * places) * width, s_frames[frames]
     numbers, group = np.unique(cloud.pass_index[frames], return_inverse=True)
-    image = _pooled(value, s, place_mm, lean, group)
+    image = _pooled(value, s, place_mm, slope * side[frames], group)
     if image is None:
         return None
     ends = face.columns[frames]
@@ -190,7 +195,7 @@ def _laid_out(x: Float32, z: Float32, on: Bool, line: Float, half: float, value:
             value[i, k] = total[k] / count[k] if count[k] > 0.0 else np.nan
 
 
-def _pooled(value: Float, s: Float, place_mm: Float, lean: Float, group: Int) -> FaceImage | None:
+def _pooled(value: Float, s: Float, place_mm: Float, slope: Float, group: Int) -> FaceImage | None:
     """The image of residuals (f, p) of frames at s (f,), mm, by stretches of each pass, group (f,) its number."""
     passes = int(group.max()) + 1
     stretches = max(1, min(math.floor(np.ptp(s) / STRETCH_MM), len(value) // (STRETCH_FRAMES * passes)))
@@ -204,11 +209,11 @@ def _pooled(value: Float, s: Float, place_mm: Float, lean: Float, group: Int) ->
         parts = _alike(value, mine[np.argsort(s[mine])])
         of += parts
         holds += [[s[one].min(), s[one].max()] if len(parts) > 1 else 2 * [s[one].mean()] for one in parts]
-    return _image(value, of, np.array(holds), place_mm, lean, np.array([group[one[0]] for one in of], np.int64))
+    return _image(value, of, np.array(holds), place_mm, slope, np.array([group[one[0]] for one in of], np.int64))
 
 
 def _image(
-    value: Float, of: Sequence[Int], holds: Float, place_mm: Float, lean: Float, numbers: Int
+    value: Float, of: Sequence[Int], holds: Float, place_mm: Float, slope: Float, numbers: Int
 ) -> FaceImage | None:
     """The image of residuals (f, p), averaged over the frames `of` each of k stretches; holds (k, 2), mm."""
     known = np.isfinite(value)
@@ -225,8 +230,8 @@ def _image(
     covariance = (1.0 - SHRUNK) * covariance + SHRUNK * np.diag(np.diag(covariance))
     counted = np.array([count[k].mean() for k in keep]) / _together(left)
     noise = covariance[None] / counted[:, None, None]
-    leans = np.array([median(lean[of[k]]) for k in keep])
-    return FaceImage(holds[keep], middle, noise, place_mm, leans, numbers[keep])
+    slopes = np.array([median(slope[of[k]]) for k in keep])
+    return FaceImage(holds[keep], middle, noise, place_mm, slopes, numbers[keep])
 
 
 def _between(at: Float, holds: Float, rows: Float) -> Float:
@@ -533,12 +538,17 @@ def _form(image: FaceImage, lasting: Sequence[_Lasting], at: Float, sensor: Line
     beside = weights - 0.5 * np.stack([np.zeros_like(t), np.eye(t.size)[-1], np.eye(t.size)[0]])
     centred = weights @ (np.eye(t.size) - 1.0 / t.size)  # a sensor's or a face's common offset moves nothing
     rows = []
-    for one, mean, noise in zip(lasting, image.mean, image.noise, strict=True):
+    for one, mean, noise, slope in zip(lasting, image.mean, image.noise, image.slope, strict=True):
         either = (beside - weights) @ one.aside_mm
         # returns of the face lie along another line than its own
         other = np.maximum((weights @ mean) ** 2 - _variance(weights, noise), 0.0)
         variance = _variance(centred, one.covariance) + _variance(beside, one.aside_covariance)
-        rows.append(np.append(np.sqrt(variance + either**2 + other), beside @ one.aside_mm))
+        turn, lower, upper = beside @ one.aside_mm
+        # Returns stand aside along the rays: across the line as it lies, by less than across the face.
+        straight = slope - (1.0 + slope**2) * turn
+        flatter = math.sqrt((1.0 + slope**2) / (1.0 + straight**2))
+        moved = math.atan(slope) - math.atan(straight), flatter * lower, flatter * upper
+        rows.append([*(np.array([flatter**2, flatter, flatter]) * np.sqrt(variance + either**2 + other)), *moved])
     tells = 1.0 / np.array([_variance(weights[:1], noise)[0] + LEAST_NOISE_MM**2 for noise in image.noise])
     share, told = np.zeros((len(image.passes), at.size)), np.zeros((len(image.passes), 6, at.size))
     for number, seen in enumerate(image.passes):

@@ -281,7 +281,7 @@ def _image(face: _Face, view: View, length_mm: float, rng: np.random.Generator) 
     noise, of_pass = variance * alike[None] / frames, np.zeros(1, np.int64)
     ends = np.array([0.0, length_mm])
     seen = SeenBy(ends, np.zeros(2), np.zeros(2), place / lean, place * face.columns / face.width_mm, lean)
-    return FaceImage(np.zeros((1, 2)), mean, noise, place, np.array([lean]), of_pass, (seen,))
+    return FaceImage(np.zeros((1, 2)), mean, noise, place, np.array([math.tan(face.incidence)]), of_pass, (seen,))
 
 
 # The broken end: edges of the prior, as a pass would see them.

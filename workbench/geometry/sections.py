@@ -15,9 +15,13 @@ import numpy as np
 from workbench.geometry.blocks import as_input
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.curves import Curve, foot, frame_at
+from workbench.geometry.medians import robust_sd
 from workbench.geometry.splines import derivatives, piece_of
 from workbench.kernels import kernel
 from workbench.units import Float, Shaped
+
+BY_CHANCE = 3.0  # standard deviations of a sum of squares
+SHARED = 1.0 / 3.0  # of a face, by how much of it second returns or spatter reach
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,12 +72,23 @@ def section_lines(
     side (n,): the upper side lies towards falling side * x. range_sigma_mm (n,): noise along z. s_frame (n,): about
     where each frame crosses the edge.
     """
-    known = np.stack(
-        [face.x_mean, face.z_mean, face.sxx, face.sxz, face.count, slope, side, range_sigma_mm, s_frame], axis=1
-    )
+    sigma = range_sigma_mm * np.sqrt(_shared_variance(face, range_sigma_mm))
+    known = np.stack([face.x_mean, face.z_mean, face.sxx, face.sxz, face.count, slope, side, sigma, s_frame], axis=1)
     out = np.empty((11, len(known)))
     _section_lines(*curve.compiled, as_input(base_from_profiler), as_input(known), out)
     return SectionLines(out[0], out[1:3].T.copy(), out[3], out[4], out[5], out[6], out[7], out[8:10].T.copy(), out[10])
+
+
+def _shared_variance(face: FaceLines, sigma: Float) -> Float:
+    """Variance (n,) of lines whose returns scatter by more than noise of `sigma` (n,) does, over that noise makes of it.
+
+    What they scatter by besides, neighbours share: second returns, spatter.
+    """
+    chance = np.sqrt(2.0 / np.maximum(face.count - 2.0, 1.0))
+    excess = (0.5 * chance**2 * face.rss / sigma**2 - 1.0) / chance
+    known = excess[np.isfinite(excess)]
+    usual = max(1.0, robust_sd(known)) if known.size else 1.0  # columns that share noise make it uneven
+    return 1.0 + np.maximum(excess - BY_CHANCE * usual, 0.0) * chance * SHARED * face.count
 
 
 @kernel(error_model="numpy")

@@ -20,7 +20,7 @@ from workbench.geometry.splines import derivatives, piece_of
 from workbench.kernels import kernel
 from workbench.units import Float, Shaped
 
-BY_CHANCE = 3.0  # standard deviations of a sum of squares
+BY_CHANCE = 5.0  # standard deviations of a sum of squares
 SHARED = 1.0 / 3.0  # of a face, by how much of it second returns or spatter reach
 
 
@@ -86,8 +86,8 @@ def _shared_variance(face: FaceLines, sigma: Float) -> Float:
     """
     chance = np.sqrt(2.0 / np.maximum(face.count - 2.0, 1.0))
     excess = (0.5 * chance**2 * face.rss / sigma**2 - 1.0) / chance
-    known = excess[np.isfinite(excess)]
-    usual = max(1.0, robust_sd(known)) if known.size else 1.0  # columns that share noise make it uneven
+    below = excess[excess < 0.0]
+    usual = max(1.0, robust_sd(below)) if below.size else 1.0  # columns that share noise make it uneven
     return 1.0 + np.maximum(excess - BY_CHANCE * usual, 0.0) * chance * SHARED * face.count
 
 

@@ -80,7 +80,7 @@ def section_lines(
 
 
 def _shared_variance(face: FaceLines, sigma: Float) -> Float:
-    """Variance (n,) of lines whose returns scatter by more than noise of `sigma` (n,) does, over that noise makes of it.
+    """Variance (n,) of lines whose returns scatter by more than noise of `sigma` (n,), over what that makes of it.
 
     What they scatter by besides, neighbours share: second returns, spatter.
     """
@@ -88,7 +88,7 @@ def _shared_variance(face: FaceLines, sigma: Float) -> Float:
     excess = (0.5 * chance**2 * face.rss / sigma**2 - 1.0) / chance
     below = excess[excess < 0.0]
     usual = max(1.0, robust_sd(below)) if below.size else 1.0  # columns that share noise make it uneven
-    return 1.0 + np.maximum(excess - BY_CHANCE * usual, 0.0) * chance * SHARED * face.count
+    return np.asarray(1.0 + np.maximum(excess - BY_CHANCE * usual, 0.0) * chance * SHARED * face.count)
 
 
 @kernel(error_model="numpy")

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from workbench import Pipeline
-from workbench.artefacts import HandEye
+from workbench.artefacts import HandEye, PathGate, Toolpath
 from workbench.errors import OutputError
 from workbench.pipeline import cache as module
 from workbench.stage import stage
@@ -115,6 +115,17 @@ def test_what_only_this_process_knows_is_made_again(demo_document: Any, tmp_path
     for _ in range(2):
         Pipeline(demo_document, base_dir=tmp_path).run(cache=tmp_path / "cache")
     assert (ran["demo.local"], ran["demo.inspect"]) == (2, 1)
+
+
+def test_a_decision_out_of_the_cache_is_of_the_path_beside_it(tmp_path: Path, ran: Counter[str]) -> None:
+    """As the programs of a second controller ask, planned with the same cache."""
+    pipeline = Pipeline.load(ROOT / "pipelines" / "plan_bevel.json")
+    given = {"recording": str(ROOT / "data" / "synthetic" / "raw_arc.h5")}
+    for _ in range(2):
+        ran.clear()
+        made = pipeline.run(inputs=given, cache=tmp_path / "cache", report=False)
+        assert made.last(PathGate).toolpath is made.last(Toolpath)
+    assert "path.check" not in ran
 
 
 def test_a_folder_that_others_may_write_is_refused(tmp_path: Path) -> None:

@@ -2,7 +2,8 @@
 
 A stage's result is found by the digest of the code of its package and of this one, the versions of the libraries, its
 parameters, and the digests of what it takes. What reads files or asks for the run's provenance is always run; the
-digest of its result stands for it. An entry whose content is not what was written is made anew.
+digest of its result stands for it. An entry whose content is not what was written is made anew. What a result holds of
+the results before it (a decision holds its path) is kept as their name: read back, it is the same object again.
 """
 
 from __future__ import annotations
@@ -38,6 +39,8 @@ class StageCache:
         """`versions`: of the libraries that results rest on. Raises OutputError: the folder cannot be used."""
         self.folder, self._versions = folder, dict(versions)
         self._known: dict[str, str | None] = {}  # by step: what stands for its result
+        self._made: dict[str, Any] = {}  # artefacts of this run by their names
+        self._names: dict[int, str] = {}  # of these by their identity
         try:
             own(folder)
         except (OSError, ValueError) as error:
@@ -55,10 +58,14 @@ class StageCache:
             slow = time.perf_counter() - start > QUICK_S
             if key is None:
                 digest = hashlib.sha256()
-                key = digest.hexdigest() if _pickled(found, digest.update) else None
-            elif slow and _pickled(found, (content := io.BytesIO()).write):
+                key = digest.hexdigest() if self._pickled(found, digest.update) else None
+            elif slow and self._pickled(found, (content := io.BytesIO()).write):
                 keep(self.folder / f"{key}{SUFFIX}", hashlib.sha256(content.getbuffer()).digest(), content.getbuffer())
         self._known[step.id] = key
+        if key is not None:
+            for number, artefact in enumerate(found[0]):
+                name = self._names.setdefault(id(artefact), f"{key} {number}")
+                self._made[name] = artefact
         return found
 
     def _key(self, step: Step) -> str | None:
@@ -80,17 +87,20 @@ class StageCache:
             content = memoryview(path.read_bytes())
             if hashlib.sha256(content[DIGEST:]).digest() != content[:DIGEST]:  # cut short, or not what was written
                 return None
-            made: Made = pickle.loads(content[DIGEST:])
+            reader = pickle.Unpickler(io.BytesIO(content[DIGEST:]))
+            reader.persistent_load = self._made.__getitem__  # type: ignore[method-assign]
+            made: Made = reader.load()
             os.utime(path)
             return made
         except OSError:  # not there
             return None
 
-
-def _pickled(made: Made, write: Callable[[Any], object]) -> bool:
-    """Write a stage's result piece by piece, arrays as they lie; False: it holds what only this process knows."""
-    try:
-        pickle.Pickler(SimpleNamespace(write=write), pickle.HIGHEST_PROTOCOL).dump(made)
-    except (pickle.PicklingError, TypeError, AttributeError, RecursionError):
-        return False
-    return True
+    def _pickled(self, made: Made, write: Callable[[Any], object]) -> bool:
+        """Write a stage's result piece by piece, arrays as they lie; False: it holds what only this process knows."""
+        writer = pickle.Pickler(SimpleNamespace(write=write), pickle.HIGHEST_PROTOCOL)
+        writer.persistent_id = lambda part: self._names.get(id(part))  # type: ignore[method-assign]
+        try:
+            writer.dump(made)
+        except (pickle.PicklingError, TypeError, AttributeError, RecursionError):
+            return False
+        return True

@@ -145,6 +145,7 @@ def _document(found: PathStability, source: str, asked: float, more: dict[str, o
     return result_file(
         "chatter.json",
         {
+            "part": more["part"],
             "spindle_rpm": found.spindle_rpm,
             "coefficients": source,
             "largest_depth_mm": found.largest_mm,
@@ -152,9 +153,9 @@ def _document(found: PathStability, source: str, asked: float, more: dict[str, o
             "worst": found.words,
             "worst_point": int(found.at[found.worst]),
             "points": [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)],
+            **more,
             "declared": found.warnings,
             "not_included": NOT_INCLUDED,
-            **more,
         },
     )
 
@@ -176,7 +177,7 @@ def _chapter(found: PathStability, source: str, asked: float, lobes: dict[str, F
     k, short = found.worst, found.least_margin < asked
     summary = (
         f"Chatter: least margin {found.margin[k]:.2f} of depth, {found.least_margin[k]:.2f} less U (k = 2); "
-        f"{asked:g} asked for, missed at {int(short.sum())} of {len(found.at)} places"
+        f"{asked:g} asked for, missed at {short.sum()} of {len(found.at)} places"
     )
     text = (
         pieces.paragraph(f"{found.words}. Spindle {found.spindle_rpm:g} rev/min, {source}.")

@@ -196,7 +196,7 @@ def _plan(offered: Candidates, chosen: list[tuple[int, int]], target: float) -> 
     if u.max() > target:
         needed = int(np.ceil(2 * len(p) * (u.max() / target) ** 2))
         warnings.append(
-            f"joint {int(u.argmax()) + 1} is known to {100 * u.max():.1f} % only with these {2 * len(p)} loads; "
+            f"joint {u.argmax() + 1} is known to {100 * u.max():.1f} % only with these {2 * len(p)} loads; "
             f"{100 * target:.1f} % needs some {needed} such loads, larger forces, longer levers or other postures"
         )
     return LoadPlan(

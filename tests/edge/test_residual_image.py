@@ -132,7 +132,13 @@ def test_a_step_turns_the_face_by_an_angle_not_by_a_slope(slope: float) -> None:
 
 @pytest.mark.parametrize(
     ("kind", "seed"),
-    [("ghosts", 15_000_039), ("ghosts", 15_000_052), ("ghosts", 15_200_030), ("worn", 15_100_005)],
+    [
+        ("ghosts", 15_000_039),
+        ("ghosts", 15_000_052),
+        ("ghosts", 17_100_016),
+        ("ghosts", 15_200_030),
+        ("worn", 15_100_005),
+    ],
     ids=str,
 )
 def test_what_stands_aside_over_a_part_of_the_edge_moves_no_angle(kind: str, seed: int) -> None:

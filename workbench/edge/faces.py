@@ -26,6 +26,7 @@ MOST_CONTRADICTED = 0.2  # of the key frames: sound recordings have 0.04 at most
 FEW_KEY_FRAMES, KEY_FRAMES = 24, 120  # a pass, where they agree, and where not; the faces are followed between them
 NEIGHBOURS = 8  # frames to each side
 KEY_SPACING = 5  # frames between key frames at the least
+WORSE = 0.5  # than the median of the key frames' scores: of one whose faces second returns cut short or bend
 FIRST_SIGMA_MM, NEAR_LINE_MM = 0.03, 0.6  # range noise before it is known; returns this near may be a face's
 TOGETHER = 0.9  # of the mean of unit directions, that do not turn along the edge
 MAX_LINES = 64  # straight lines kept of one profile
@@ -280,16 +281,17 @@ def _refuse_contradicted(cloud: Cloud, readings: list[list[Candidate]], choice: 
 
 def _agreed(keys: Int, readings: list[list[Candidate]], choice: tuple[int, int]) -> tuple[Int, Float, int] | None:
     """Key frames that show the edge as the pass as a whole does, their states (k, 4, 4) and the side; None: no edge."""
-    at, states = [], []
+    at, best = [], []
     for key, frame in zip(keys, readings, strict=True):
         fitting = [c for c in frame if (c.side, c.sense) == choice]
         if fitting:
             at.append(int(key))
-            states.append(_state(min(fitting, key=lambda c: c.score)))
-    good = _alike(np.array(states))
+            best.append(min(fitting, key=lambda c: c.score))
+    states, alone = np.array([_state(one) for one in best]), np.array([one.alone for one in best])
+    good = alone < median(alone) + WORSE
     if good.sum() < 2:
         return None
-    return np.array(at)[good], np.array(states)[good], choice[0]
+    return np.array(at)[good], states[good], choice[0]
 
 
 def _state(c: Candidate) -> Float:
@@ -299,20 +301,6 @@ def _state(c: Candidate) -> Float:
         for line in (c.upper, c.bevel, c.root, c.lower)
     ]
     return np.array(rows)
-
-
-def _alike(states: Float) -> Bool:
-    """Which key frames agree in root width and face angles with the median of those around them?"""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        angle = np.arctan(states[:, 1:3, 0])
-        corner = (states[:, 2, 1] - states[:, 1, 1]) / (states[:, 1, 0] - states[:, 2, 0])
-        width = np.log(np.abs(states[:, 2, 3] - corner) + 1e-9)
-    good = np.ones(len(states), bool)
-    for i in range(len(states)):
-        near = slice(max(0, i - 5), i + 6)
-        good[i] = abs(width[i] - median(width[near])) < 0.5
-        good[i] &= all(abs(one[i] - median(one[near])) < 0.15 for one in angle.T)
-    return good
 
 
 def _follow_pass(

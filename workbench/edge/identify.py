@@ -37,6 +37,7 @@ class Candidate:
     """One reading of a profile: lines (slope, offset, x at its free end) of each face, None where not seen."""
 
     score: float
+    alone: float  # that of root face and bevel face without what joins them
     side: int  # upper surface, bevel, root face, lower surface come in order of rising side * x
     sense: int  # +1: z counts away from the sensor, -1: towards it
     upper: Float | None
@@ -169,8 +170,7 @@ def _read(
     def convex(first: Float, second: Float) -> float:
         return turn(first, second, sense) if side > 0 else turn(second, first, sense)
 
-    angle = convex(b, r)
-    score = _off(angle, bevel_nominal)
+    angle, score = convex(b, r), 0.0
     upper_row = lower_row = None
     root_end = r[X1] if side > 0 else r[X0]
     if upper is not None:
@@ -187,9 +187,10 @@ def _read(
         elif convex(r, chain[lower]) > 0 and upper_row is None:  # else a bevel below, too
             score += CONTEXT
     width = abs(root_end - crossing(b, r)) * math.hypot(1.0, r[SLOPE])
-    score += 0.5 * (math.log(max(width, 1e-3) / root_nominal_mm) / WIDTH_SIGMA) ** 2
+    alone = _off(angle, bevel_nominal) + 0.5 * (math.log(max(width, 1e-3) / root_nominal_mm) / WIDTH_SIGMA) ** 2
     return Candidate(
-        score,
+        score + alone,
+        alone,
         side,
         sense,
         None if upper_row is None else _line(upper_row, -side),

@@ -72,20 +72,20 @@ def section_lines(
     side (n,): the upper side lies towards falling side * x. range_sigma_mm (n,): noise along z. s_frame (n,): about
     where each frame crosses the edge.
     """
-    sigma = range_sigma_mm * np.sqrt(_shared_variance(face, range_sigma_mm))
+    sigma = range_sigma_mm * np.sqrt(_shared_variance(face))
     known = np.stack([face.x_mean, face.z_mean, face.sxx, face.sxz, face.count, slope, side, sigma, s_frame], axis=1)
     out = np.empty((11, len(known)))
     _section_lines(*curve.compiled, as_input(base_from_profiler), as_input(known), out)
     return SectionLines(out[0], out[1:3].T.copy(), out[3], out[4], out[5], out[6], out[7], out[8:10].T.copy(), out[10])
 
 
-def _shared_variance(face: FaceLines, sigma: Float) -> Float:
-    """Variance (n,) of lines whose returns scatter by more than noise of `sigma` (n,), over what that makes of it.
+def _shared_variance(face: FaceLines) -> Float:
+    """Variance (n,) of lines whose returns scatter by more than those of most frames, over what noise makes of it.
 
     What they scatter by besides, neighbours share: second returns, spatter.
     """
     chance = np.sqrt(2.0 / np.maximum(face.count - 2.0, 1.0))
-    excess = (0.5 * chance**2 * face.rss / sigma**2 - 1.0) / chance
+    excess = (0.5 * chance**2 * face.rss / face.noise_mm**2 - 1.0) / chance
     below = excess[excess < 0.0]
     usual = max(1.0, robust_sd(below)) if below.size else 1.0  # columns that share noise make it uneven
     return np.asarray(1.0 + np.maximum(excess - BY_CHANCE * usual, 0.0) * chance * SHARED * face.count)

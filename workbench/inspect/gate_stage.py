@@ -28,7 +28,8 @@ def gate(
 ) -> Gate:
     """Pass a part on if its verdict is `pass`; any other verdict gives exit status 1.
 
-    The run's warnings say where `undecided`, or less than two thirds of the edge, was accepted.
+    A part of which too little was measured does not pass either. The run's warnings say where `undecided`, or less than
+    two thirds of the edge, was accepted.
 
     Args:
         inspection: the judged part.

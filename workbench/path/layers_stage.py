@@ -74,7 +74,8 @@ def layers(
 ) -> Toolpath:
     """Plan the milling of a bevel in layers, from the stock to the finished face (the paper's 4.3 and 6.1, Fig. 13).
 
-    Key points are those of docs/conventions.md; what is not cut is told by docs/planning.md.
+    Key points lie every 1 mm of the lower edge, in the middle of the layer's bevel face (docs/conventions.md). What was
+    not measured is not cut (docs/planning.md).
 
     Args:
         edge: the measured raw edge.

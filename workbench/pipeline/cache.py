@@ -3,7 +3,7 @@
 A stage's result is found by the digest of the code of its package and of this one, the versions of the libraries, its
 parameters, and the digests of what it takes. What reads files or asks for the run's provenance is always run; the
 digest of its result stands for it. An entry whose content is not what was written is made anew. What a result holds of
-the results before it (a decision holds its path) is kept as their name: read back, it is the same object again.
+the results that its stage takes (a decision holds its path) is kept by number: read back, it is the same object again.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import json
 import os
 import pickle
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, TypeAlias
@@ -39,8 +39,7 @@ class StageCache:
         """`versions`: of the libraries that results rest on. Raises OutputError: the folder cannot be used."""
         self.folder, self._versions = folder, dict(versions)
         self._known: dict[str, str | None] = {}  # by step: what stands for its result
-        self._made: dict[str, Any] = {}  # artefacts of this run by their names
-        self._names: dict[int, str] = {}  # of these by their identity
+        self._made: dict[str, tuple[Any, ...]] = {}  # by step: its artefacts
         try:
             own(folder)
         except (OSError, ValueError) as error:
@@ -50,22 +49,18 @@ class StageCache:
 
     def made(self, step: Step, run: Callable[[], Made]) -> Made:
         """What the step makes, out of the cache or by `run`."""
-        key = self._key(step)
-        found = self._load(key) if key else None
+        key, taken = self._key(step), [one for ids in step.sources.values() for k in ids for one in self._made[k]]
+        found = self._load(key, taken) if key else None
         if found is None:
             start = time.perf_counter()
             found = run()
             slow = time.perf_counter() - start > QUICK_S
             if key is None:
                 digest = hashlib.sha256()
-                key = digest.hexdigest() if self._pickled(found, digest.update) else None
-            elif slow and self._pickled(found, (content := io.BytesIO()).write):
+                key = digest.hexdigest() if _pickled(found, (), digest.update) else None  # by all that it holds
+            elif slow and _pickled(found, taken, (content := io.BytesIO()).write):
                 keep(self.folder / f"{key}{SUFFIX}", hashlib.sha256(content.getbuffer()).digest(), content.getbuffer())
-        self._known[step.id] = key
-        if key is not None:
-            for number, artefact in enumerate(found[0]):
-                name = self._names.setdefault(id(artefact), f"{key} {number}")
-                self._made[name] = artefact
+        self._known[step.id], self._made[step.id] = key, found[0]
         return found
 
     def _key(self, step: Step) -> str | None:
@@ -81,26 +76,31 @@ class StageCache:
         rests_on = [self._versions, code, step.stage.name, sources, to_jsonable_python(dict(step.parameters))]
         return hashlib.sha256(json.dumps(rests_on, sort_keys=True).encode()).hexdigest()
 
-    def _load(self, key: str) -> Made | None:
+    def _load(self, key: str, taken: Sequence[Any]) -> Made | None:
         path = self.folder / f"{key}{SUFFIX}"
         try:
             content = memoryview(path.read_bytes())
             if hashlib.sha256(content[DIGEST:]).digest() != content[:DIGEST]:  # cut short, or not what was written
                 return None
             reader = pickle.Unpickler(io.BytesIO(content[DIGEST:]))
-            reader.persistent_load = self._made.__getitem__  # type: ignore[method-assign]
+            reader.persistent_load = taken.__getitem__  # type: ignore[method-assign]
             made: Made = reader.load()
             os.utime(path)
             return made
         except OSError:  # not there
             return None
 
-    def _pickled(self, made: Made, write: Callable[[Any], object]) -> bool:
-        """Write a stage's result piece by piece, arrays as they lie; False: it holds what only this process knows."""
-        writer = pickle.Pickler(SimpleNamespace(write=write), pickle.HIGHEST_PROTOCOL)
-        writer.persistent_id = lambda part: self._names.get(id(part))  # type: ignore[method-assign]
-        try:
-            writer.dump(made)
-        except (pickle.PicklingError, TypeError, AttributeError, RecursionError):
-            return False
-        return True
+
+def _pickled(made: Made, taken: Sequence[Any], write: Callable[[Any], object]) -> bool:
+    """Write a stage's result piece by piece, arrays as they lie, of what it has taken the numbers.
+
+    False: it holds what only this process knows.
+    """
+    numbers = {id(one): number for number, one in enumerate(taken)}
+    writer = pickle.Pickler(SimpleNamespace(write=write), pickle.HIGHEST_PROTOCOL)
+    writer.persistent_id = lambda part: numbers.get(id(part))  # type: ignore[method-assign]
+    try:
+        writer.dump(made)
+    except (pickle.PicklingError, TypeError, AttributeError, RecursionError):
+        return False
+    return True

@@ -5,7 +5,8 @@ The order in which values are drawn belongs to it: a seed gives the part that it
 
 from __future__ import annotations
 
-from bench.drawn.plates import Document, Generator, draw_course
+from bench.drawn.declared import Document, Generator
+from bench.drawn.plates import draw_course
 
 
 def course(rng: Generator, mean: float, drift: float, wave: float) -> Document:

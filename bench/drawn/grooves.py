@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from bench.drawn.common import Document, anywhere, course, held, noise, robot, scanner, spine, way
+from bench.drawn.common import anywhere, course, held, noise, robot, scanner, spine, way
+from bench.drawn.declared import Document
 from bench.drawn.plates import begun, draw_course, draw_disturbances, draw_part, draw_robot, draw_scanner
 from bench.simulators.swept.recipe import GrooveRecipe
 from bench.simulators.swept.sweep import GROOVES

@@ -8,19 +8,16 @@ belongs to the mechanics. Poses of a stream are as noisy as on milled parts.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
-from typing import Any, TypeAlias
+from collections.abc import Collection
 
 import numpy as np
 
+from bench.drawn.declared import Condition, Document, Generator, apply, log_uniform, sign, sometimes, uniform
 from bench.drawn.seeds import generator
 from workbench.errors import InputError, nearest
 from workbench.synthetic.recipe import Recipe
 from workbench.synthetic.recipe_file import parse_recipe
 from workbench.units import DEG
-
-Document: TypeAlias = dict[str, Any]
-Generator: TypeAlias = np.random.Generator
 
 
 def begun(
@@ -91,7 +88,7 @@ def draw_scanner(rng: Generator) -> Document:
         "standoff_mm": standoff,
         "near_mm": standoff - rng.uniform(22, 40),
         "far_mm": standoff + rng.uniform(22, 60),
-        "baseline_mm": float(rng.choice([-1, 1])) * rng.uniform(30, 90),
+        "baseline_mm": sign(rng) * rng.uniform(30, 90),
         "max_incidence_deg": rng.uniform(80, 86),
         "noise": {"sd_mm": 0.012, "grazing_power": rng.uniform(0, 1), "grazing_cap": rng.uniform(2, 4)},
         "quantum_mm": float(rng.choice([0.0, 0.001, 0.002])),
@@ -162,10 +159,6 @@ def aim_at(lateral: float, elevation_deg: float) -> list[float]:
     return [-math.sin(elevation_deg * DEG) * lateral, math.cos(elevation_deg * DEG) * lateral]
 
 
-Condition: TypeAlias = Callable[[Generator, Document], None]
-__all__ = ["CONDITIONS", "RAW_CONDITIONS", "random_recipe"]
-
-
 def follow_edge(rng: Generator, document: Document) -> None:
     """A dense pose stream along the curve; such poses come from encoders, so they are quiet."""
     stopping = rng.random() < 0.1
@@ -174,42 +167,9 @@ def follow_edge(rng: Generator, document: Document) -> None:
     document["robot"].update(pose_noise_mm=rng.uniform(0, 0.01), pose_noise_deg=rng.uniform(0, 0.001))
 
 
-def as_is(rng: Generator, document: Document) -> None:
-    """Nothing is different."""
-
-
-def paper(rng: Generator, document: Document) -> None:
-    """Within 0.5 mm of 1.5 mm and 1 deg of 40 deg."""
-    document["part"].update(
-        root_mm=draw_course(rng, 1.5 + rng.uniform(-0.3, 0.3), 0.2, 0.1),
-        bevel_deg=draw_course(rng, 40 + rng.uniform(-0.7, 0.7), 0.2, 0.1),
-        end_face_tilt_deg=0.0,
-    )
-
-
-def arc(rng: Generator, document: Document) -> None:
-    """Radius 300 to 3,000 mm, convex or concave."""
-    radius = math.exp(rng.uniform(math.log(300), math.log(3000)))
-    sense = "convex" if rng.random() < 0.5 else "concave"
-    document["part"]["curve"] = {"shape": "arc", "radius_mm": radius, "sense": sense}
-    follow_edge(rng, document)
-
-
-def wavy(rng: Generator, document: Document) -> None:
-    """Amplitude 1.5 to 3 mm."""
-    document["part"]["curve"] = {
-        "shape": "wavy",
-        "amplitude_mm": rng.uniform(1.5, 3),
-        "wavelength_mm": rng.uniform(120, 300),
-        "phase_deg": rng.uniform(0, 360),
-    }
-    if rng.random() < 0.5:
-        follow_edge(rng, document)
-
-
 def oblique(rng: Generator, document: Document) -> None:
     """Laser plane 8 to 15 deg out of the section plane."""
-    document["passes"][0]["oblique_deg"] = float(rng.choice([-1, 1])) * rng.uniform(8, 15)
+    document["passes"][0]["oblique_deg"] = sign(rng) * rng.uniform(8, 15)
 
 
 def two_pass(rng: Generator, document: Document) -> None:
@@ -221,18 +181,12 @@ def two_pass(rng: Generator, document: Document) -> None:
     document["passes"].append(second)
 
 
-def reversed(rng: Generator, document: Document) -> None:
-    """x falls with the column, z counts towards the sensor."""
-    document["scanner"].update(x_rises=False, z_away=False)
-
-
 def partial_view(rng: Generator, document: Document) -> None:
     """Only end face and bevel: the view grazes both surfaces, or ends on the bevel."""
     if rng.random() < 0.5:
         document["passes"] = [draw_pass(rng, document, (-7, 7))]
         document["passes"][0].update(lead_deg=rng.uniform(-3, 3), turn_deg=[0, 0, 0])
-        document["scanner"]["max_incidence_deg"] = 78
-        document["scanner"].update(sampling="lateral", beam="parallel")
+        document["scanner"].update(GRAZED)
         return
     scan, part = document["passes"][0], document["part"]
     start = part["root_mm"]["start"] * math.cos(scan["elevation_deg"] * DEG)
@@ -240,39 +194,6 @@ def partial_view(rng: Generator, document: Document) -> None:
     half_view = document["scanner"]["columns"] * document["scanner"]["pitch_mm"] / 2
     scan.update(aim_mm=aim_at(start + rng.uniform(0.6, 0.9) * (end - start) - half_view, scan["elevation_deg"]))
     scan.update(skew_mm=[0.0, 0.0], turn_deg=(rng.uniform(-1, 1, 3) * (1, 0, 0)).tolist())
-
-
-def outliers(rng: Generator, document: Document) -> None:
-    """5 % outliers."""
-    document["disturbances"].update(outlier_share=0.035, streak_outlier_share=0.015)
-
-
-def missing(rng: Generator, document: Document) -> None:
-    """20 % of the returns missing."""
-    document["disturbances"].update(dropout_share=0.12, streak_dropout_share=0.08)
-
-
-def coarse(rng: Generator, document: Document) -> None:
-    """Frames 0.5 to 1 mm apart, columns 0.1 mm."""
-    document["scanner"].update(pitch_mm=0.1, columns=400)
-    document["robot"]["frame_pitch_mm"] = rng.uniform(0.5, 1.0)
-
-
-def noisy(rng: Generator, document: Document) -> None:
-    """Range noise of 0.036 mm."""
-    document["scanner"]["noise"]["sd_mm"] = 0.036
-
-
-def correlated(rng: Generator, document: Document) -> None:
-    """Range noise of 0.036 mm, correlated over 2 to 8 columns."""
-    document["scanner"]["noise"].update(sd_mm=0.036, correlation_columns=rng.uniform(2, 8))
-
-
-def robot_error(rng: Generator, document: Document) -> None:
-    """A smooth error of the robot of 0.1 mm an axis."""
-    document["robot"]["smooth_error_mm"] = 0.1
-    if rng.random() < 0.5:
-        follow_edge(rng, document)
 
 
 def clamps(rng: Generator, document: Document) -> None:
@@ -289,14 +210,54 @@ def some_clamps(rng: Generator, length_mm: float, widest_mm: float, highest_mm: 
     ]
 
 
-def vibration(rng: Generator, document: Document) -> None:
-    """0.05 mm an axis and frame."""
-    document["robot"]["vibration_mm"] = 0.05
-
-
-_NAMED = (paper, arc, wavy, oblique, two_pass, reversed, partial_view, coarse, noisy, correlated, robot_error, clamps)
-CONDITIONS: dict[str, Condition] = {c.__name__: c for c in (*_NAMED, vibration)}
-CONDITIONS |= {"straight": as_is, "outliers_5": outliers, "missing_20": missing}
+GRAZED = {"max_incidence_deg": 78, "sampling": "lateral", "beam": "parallel"}  # scanners that see no grazed surface
+CONDITIONS: dict[str, Condition] = {  # docs/tables/simulation_named_conditions.csv
+    "paper": {
+        "part": {
+            "root_mm": lambda rng: draw_course(rng, 1.5 + rng.uniform(-0.3, 0.3), 0.2, 0.1),
+            "bevel_deg": lambda rng: draw_course(rng, 40 + rng.uniform(-0.7, 0.7), 0.2, 0.1),
+            "end_face_tilt_deg": 0.0,
+        }
+    },
+    "arc": (
+        {
+            "part": {
+                "curve": {
+                    "shape": "arc",
+                    "radius_mm": log_uniform(300, 3000),
+                    "sense": lambda rng: "convex" if rng.random() < 0.5 else "concave",
+                }
+            }
+        },
+        follow_edge,
+    ),
+    "wavy": (
+        {
+            "part": {
+                "curve": {
+                    "shape": "wavy",
+                    "amplitude_mm": uniform(1.5, 3),
+                    "wavelength_mm": uniform(120, 300),
+                    "phase_deg": uniform(0, 360),
+                }
+            }
+        },
+        sometimes(0.5, follow_edge),
+    ),
+    "oblique": oblique,
+    "two_pass": two_pass,
+    "reversed": {"scanner": {"x_rises": False, "z_away": False}},
+    "partial_view": partial_view,
+    "coarse": {"scanner": {"pitch_mm": 0.1, "columns": 400}, "robot": {"frame_pitch_mm": uniform(0.5, 1.0)}},
+    "noisy": {"scanner": {"noise": {"sd_mm": 0.036}}},
+    "correlated": {"scanner": {"noise": {"sd_mm": 0.036, "correlation_columns": uniform(2, 8)}}},
+    "robot_error": ({"robot": {"smooth_error_mm": 0.1}}, sometimes(0.5, follow_edge)),
+    "clamps": clamps,
+    "vibration": {"robot": {"vibration_mm": 0.05}},
+    "straight": {},
+    "outliers_5": {"disturbances": {"outlier_share": 0.035, "streak_outlier_share": 0.015}},
+    "missing_20": {"disturbances": {"dropout_share": 0.12, "streak_dropout_share": 0.08}},
+}
 
 
 def straight(rng: Generator, document: Document) -> None:
@@ -318,27 +279,12 @@ def _set_passes(document: Document, *passes: Document) -> None:
     document["passes"] = [scan | motion for scan in passes]
 
 
-def raw(condition: Condition) -> Condition:
-    """A raw plate under a condition of milled parts."""
-
-    def change(rng: Generator, document: Document) -> None:
-        straight(rng, document)
-        condition(rng, document)
-
-    return change
-
-
 def drift(rng: Generator, document: Document) -> None:
     """The thickness drifts by 5 % from end to end."""
     mean = rng.uniform(5, 12)
-    change = float(rng.choice([-1, 1])) * 0.05 * mean
+    change = sign(rng) * 0.05 * mean
     course = draw_course(rng, mean, 0.0, 0.05)
     document["part"]["thickness_mm"] = course | {"start": mean - change / 2, "end": mean + change / 2}
-
-
-def rough(rng: Generator, document: Document) -> None:
-    """End face rough by 0.3 mm."""
-    document["part"]["roughness_mm"] = 0.3
 
 
 def twist(rng: Generator, document: Document) -> None:
@@ -379,15 +325,21 @@ def square(rng: Generator, document: Document) -> None:
     """Only the end face returns: the view grazes both surfaces."""
     scan = draw_pass(rng, document, (-7, 7))
     _set_passes(document, scan | {"lead_deg": rng.uniform(-3, 3), "turn_deg": [0, 0, 0]})
-    document["scanner"].update(max_incidence_deg=78, sampling="lateral", beam="parallel")
+    document["scanner"].update(GRAZED)
 
 
-RAW_CONDITIONS: dict[str, Condition] = {"raw_straight": straight}
-RAW_CONDITIONS |= {
-    f"raw_{name}": raw(CONDITIONS[name]) for name in ("arc", "wavy", "outliers_5", "missing_20", "clamps")
+_RAW: dict[str, Condition] = {
+    name: CONDITIONS[name] for name in ("straight", "arc", "wavy", "outliers_5", "missing_20", "clamps")
+} | {
+    "drift": drift,
+    "rough": {"part": {"roughness_mm": 0.3}},
+    "twist": twist,
+    "burrs": burrs,
+    "below": below,
+    "square": square,
+    "two_pass": two_raw_passes,
 }
-RAW_CONDITIONS |= {f"raw_{c.__name__}": raw(c) for c in (drift, rough, twist, burrs, below, square)}
-RAW_CONDITIONS["raw_two_pass"] = raw(two_raw_passes)
+RAW_CONDITIONS: dict[str, Condition] = {f"raw_{name}": (straight, condition) for name, condition in _RAW.items()}
 
 
 def random_recipe(condition: str, seed: int) -> Recipe:
@@ -400,7 +352,7 @@ def random_recipe(condition: str, seed: int) -> Recipe:
     known = CONDITIONS | RAW_CONDITIONS
     rng = begun(condition, seed, known)
     document = draw_plate(rng, seed)
-    known[condition](rng, document)
+    apply(known[condition], rng, document)
     return parse_recipe(document | {"title": condition}, source=condition)
 
 

@@ -10,7 +10,8 @@ import math
 
 import numpy as np
 
-from bench.drawn.common import Document, Generator, anywhere, course, held, noise, robot, scanner, spine, way
+from bench.drawn.common import anywhere, course, held, noise, robot, scanner, spine, way
+from bench.drawn.declared import Document, Generator
 from bench.odd_plates import Corners, Sizes, compound, drawn_above, j_shape, ledge, plate
 from bench.outside import FAR_MM, simulate
 from bench.simulators.swept import SweptRecipe

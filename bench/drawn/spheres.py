@@ -1,4 +1,4 @@
-"""Random calibration recordings under named conditions: each function makes a drawn recipe what its name says."""
+"""Random calibration recordings under named conditions."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from bench.drawn.plates import Condition, Document, Generator, around_the_base, begun, draw_disturbances, draw_hand_eye
+from bench.drawn.declared import Condition, Document, Generator, apply, uniform
+from bench.drawn.plates import around_the_base, begun, draw_disturbances, draw_hand_eye
 from workbench.synthetic.recipe import SphereRecipe
 from workbench.synthetic.recipe_file import parse_sphere_recipe
 
@@ -44,7 +45,7 @@ def random_sphere_recipe(condition: str, seed: int) -> SphereRecipe:
         },
         "passes": postures(rng, 9),
     }
-    SOUND[condition](rng, document)
+    apply(SOUND[condition], rng, document)
     return parse_sphere_recipe(document, source=condition)
 
 
@@ -64,32 +65,6 @@ def postures(rng: Generator, count: int, least_mm: float = OFF_PLANE_MM[0]) -> l
     return [{"sphere_mm": place(rng, least_mm), "turn_deg": turn(rng)} for _ in range(count)]
 
 
-def nine(rng: Generator, document: Document) -> None:
-    """Nine distinct postures."""
-
-
-def six(rng: Generator, document: Document) -> None:
-    """Six."""
-    document["passes"] = postures(rng, 6)
-
-
-def equator(rng: Generator, document: Document) -> None:
-    """The centre may lie in the laser plane."""
-    document["passes"] = postures(rng, 9, 0.0)
-
-
-def stray(rng: Generator, document: Document) -> None:
-    """3 % outliers, a table, a stem, lost returns, and a sphere whose diameter is not what is stated."""
-    document["sphere"] |= {
-        "table_gap_mm": rng.uniform(6, 30),
-        "table_tilt_deg": rng.uniform(-15, 15, 2).tolist(),
-        "stem_diameter_mm": rng.uniform(2, 5),
-        "stated_diameter_mm": 2 * RADIUS_MM + rng.uniform(-0.2, 0.2),
-    }
-    shares = {"outlier_share": 0.02, "streak_outlier_share": 0.01, "dropout_share": 0.01}
-    document["disturbances"] = draw_disturbances(rng) | shares
-
-
 def gross(rng: Generator, document: Document) -> None:
     """Two of fifteen postures are off by 2 to 20 mm."""
     document["passes"] = postures(rng, 15)
@@ -99,61 +74,57 @@ def gross(rng: Generator, document: Document) -> None:
         document["passes"][index]["gross_mm"] = [float(v) for v in way / np.linalg.norm(way) * size]
 
 
-def systematic(rng: Generator, document: Document) -> None:
-    """Fifteen postures; the robot errs smoothly by 0.5 mm an axis, in waves of 60 to 120 deg."""
-    document["passes"] = postures(rng, 15)
-    document["robot"] |= {"systematic_mm": 0.5, "systematic_reach_deg": rng.uniform(60, 120)}
+def grid(rng: Generator) -> list[Document]:
+    """Three orientations, three positions each: what the analytic way needs."""
+    return [{"sphere_mm": place(rng), "turn_deg": t} for t in [turn(rng) for _ in range(3)] for _ in "abc"]
 
 
-def smooth(rng: Generator, document: Document) -> None:
-    """The same in waves of 120 to 240 deg: most of such an error is taken for a part of the hand-eye pose."""
-    systematic(rng, document)
-    document["robot"] |= {"systematic_reach_deg": rng.uniform(120, 240)}
-
-
-def scans(rng: Generator, document: Document) -> None:
-    """Six scans over the sphere, to and fro, the profiles on their own clock."""
-    document["passes"] = [_scan(rng, (-1.0) ** i) for i in range(6)]
-    _own_clock(rng, document)
-
-
-def weaved(rng: Generator, document: Document) -> None:
-    """The same in 6 s each about the middle of the view, weaved by 12 mm and 3 deg, poses at 50 Hz."""
-    weave = {"weave_mm": 12.0, "weave_deg": 3.0, "seconds": 6.0}
-    document["passes"] = [_scan(rng, (-1.0) ** i, 0.2) | weave for i in range(6)]
-    _own_clock(rng, document)
-    document["robot"] |= {"pose_rate_hz": 50.0, "frame_rate_hz": 25.0}
-
-
-def scans_common(rng: Generator, document: Document) -> None:
-    """Six scans, where most of the poses' error is common to all frames of a scan."""
-    scans(rng, document)
-    document["robot"] |= {"pose_noise_common": rng.uniform(0.8, 1.0)}
-
-
-def weaved_common(rng: Generator, document: Document) -> None:
-    """Six weaved scans, likewise."""
-    weaved(rng, document)
-    document["robot"] |= {"pose_noise_common": rng.uniform(0.8, 1.0)}
-
-
-def _scan(rng: Generator, way: float, share: float = 1.0) -> Document:
+def scan(rng: Generator, way: float, share: float = 1.0) -> Document:
     """Once across the sphere, begun within a share of the view."""
     start, end = [share * v for v in place(rng)], [rng.uniform(-2, 2), -11.0 * way, rng.uniform(-2, 2)]
     start[1] = 5.5 * way
     return {"sphere_mm": start, "to_mm": [a + b for a, b in zip(start, end, strict=True)], "turn_deg": turn(rng)}
 
 
-def _own_clock(rng: Generator, document: Document) -> None:
-    document["robot"] |= {"clock": "own", "clock_offset_s": rng.uniform(-2, 2), "pose_rate_hz": 25.0}
-
-
-def grid(rng: Generator, document: Document) -> None:
-    """Three orientations, three positions each: what the analytic way needs."""
-    document["passes"] = [
-        {"sphere_mm": place(rng), "turn_deg": t} for t in [turn(rng) for _ in range(3)] for _ in "abc"
-    ]
-
-
-_SOUND = (nine, six, equator, stray, gross, systematic, smooth, scans, weaved, scans_common, weaved_common, grid)
-SOUND: dict[str, Condition] = {f"sphere_{c.__name__}": c for c in _SOUND}
+OWN_CLOCK = {"clock": "own", "clock_offset_s": uniform(-2, 2), "pose_rate_hz": 25.0}
+SCANS: Condition = {  # six over the sphere, to and fro
+    "passes": lambda rng: [scan(rng, (-1.0) ** i) for i in range(6)],
+    "robot": OWN_CLOCK,
+}
+WEAVED: Condition = {  # the same in 6 s each about the middle of the view, weaved by 12 mm and 3 deg
+    "passes": lambda rng: [
+        scan(rng, (-1.0) ** i, 0.2) | {"weave_mm": 12.0, "weave_deg": 3.0, "seconds": 6.0} for i in range(6)
+    ],
+    "robot": OWN_CLOCK | {"pose_rate_hz": 50.0, "frame_rate_hz": 25.0},
+}
+COMMON: Condition = {"robot": {"pose_noise_common": uniform(0.8, 1.0)}}  # most of a pose's error is that of its scan
+SYSTEMATIC: Condition = {  # the robot errs smoothly by 0.5 mm an axis
+    "passes": lambda rng: postures(rng, 15),
+    "robot": {"systematic_mm": 0.5, "systematic_reach_deg": uniform(60, 120)},
+}
+STRAY: Condition = {  # 3 % outliers, a table, a stem, lost returns, a diameter that is not what is stated
+    "sphere": {
+        "table_gap_mm": uniform(6, 30),
+        "table_tilt_deg": lambda rng: rng.uniform(-15, 15, 2).tolist(),
+        "stem_diameter_mm": uniform(2, 5),
+        "stated_diameter_mm": lambda rng: 2 * RADIUS_MM + rng.uniform(-0.2, 0.2),
+    },
+    "disturbances": lambda rng: (
+        draw_disturbances(rng) | {"outlier_share": 0.02, "streak_outlier_share": 0.01, "dropout_share": 0.01}
+    ),
+}
+_SOUND: dict[str, Condition] = {
+    "nine": {},
+    "six": {"passes": lambda rng: postures(rng, 6)},
+    "equator": {"passes": lambda rng: postures(rng, 9, 0.0)},  # the centre may lie in the laser plane
+    "stray": STRAY,
+    "gross": gross,
+    "systematic": SYSTEMATIC,
+    "smooth": (SYSTEMATIC, {"robot": {"systematic_reach_deg": uniform(120, 240)}}),  # taken for the hand-eye pose's
+    "scans": SCANS,
+    "weaved": WEAVED,
+    "scans_common": (SCANS, COMMON),
+    "weaved_common": (WEAVED, COMMON),
+    "grid": {"passes": grid},
+}
+SOUND = {f"sphere_{name}": condition for name, condition in _SOUND.items()}

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from bench.drawn.common import anywhere, course, held, noise, robot, scanner
-from bench.drawn.plates import Condition, Document, Generator, aim_at, begun, some_clamps, upper_end_mm
+from bench.drawn.declared import Condition, Document, Generator, apply, either, log_uniform, sign, uniform
+from bench.drawn.plates import aim_at, begun, some_clamps, upper_end_mm
 from bench.simulators.swept.recipe import SweptRecipe
 
 
@@ -19,7 +20,7 @@ def random_swept_recipe(condition: str, seed: int) -> SweptRecipe:
     known = SWEPT_CONDITIONS | RAW_SWEPT_CONDITIONS
     rng = begun(condition, seed, known, "swept ")
     document = _document(rng, condition, seed, raw=condition in RAW_SWEPT_CONDITIONS)
-    known[condition](rng, document)
+    apply(known[condition], rng, document)
     _look(rng, document)
     return SweptRecipe.model_validate(document)
 
@@ -83,23 +84,6 @@ def _look(rng: Generator, document: Document) -> None:
     document["passes"] = passes
 
 
-def _log(rng: Generator, low: float, high: float) -> float:
-    return math.exp(rng.uniform(math.log(low), math.log(high)))
-
-
-def _sign(rng: Generator) -> float:
-    return float(rng.choice([-1, 1]))
-
-
-def plain(rng: Generator, document: Document) -> None:
-    """Nothing is different."""
-
-
-def texture(rng: Generator, document: Document) -> None:
-    """Texture of up to 10 micrometres, correlated over 0.1 to 0.8 mm."""
-    document["part"]["texture"] = {"sd_mm": rng.uniform(0, 0.01), "correlation_mm": _log(rng, 0.1, 0.8)}
-
-
 def rounded(rng: Generator, document: Document) -> None:
     """Lower edge rounded by up to 0.5 mm, the other edges by up to half of that."""
     radius = rng.uniform(0, 0.5)
@@ -108,11 +92,6 @@ def rounded(rng: Generator, document: Document) -> None:
         middle_radius_mm=radius * rng.uniform(0, 0.5),
         upper_radius_mm=radius * rng.uniform(0, 0.5),
     )
-
-
-def lost_blocks(rng: Generator, document: Document) -> None:
-    """10 to 25 % of the returns lost in blocks."""
-    document["losses"].update(block_share=rng.uniform(0.1, 0.25), block_columns=[5, 40], block_frames=[3, 30])
 
 
 def lost_edge(rng: Generator, document: Document) -> None:
@@ -153,28 +132,19 @@ def _burrs(rng: Generator, document: Document, direction: str, height: float) ->
 
 def twist(rng: Generator, document: Document) -> None:
     """The section turns by up to 30 deg over 150 mm."""
-    turn = _sign(rng) * rng.uniform(0, 30) * document["part"]["spine"]["length_mm"] / 150
+    turn = sign(rng) * rng.uniform(0, 30) * document["part"]["spine"]["length_mm"] / 150
     document["part"]["twist_deg"] = {"start": -turn / 2, "end": turn / 2}
     document["way"]["follow"] = "section" if abs(turn) > 12 or rng.random() < 0.5 else "edge"
 
 
-def helix(rng: Generator, document: Document) -> None:
-    """On a helix, its section turning too."""
-    document["part"]["spine"].update(
-        shape="arc",
-        radius_mm=_log(rng, 100, 500),
-        rise_mm=rng.uniform(-80, 80),
-        sense=str(rng.choice(["convex", "concave"])),
-    )
-    twist(rng, document)
-    document["way"]["follow"] = "section"
-
-
 def saddle(rng: Generator, document: Document) -> None:
     """A part of a nozzle's cut-out: nozzle 60 to 200 mm in a shell of 2 to 6 times that."""
-    radius = _log(rng, 60, 200)
+    radius = log_uniform(60, 200)(rng)
     document["part"]["spine"].update(
-        shape="saddle", radius_mm=radius, shell_radius_mm=radius * _log(rng, 2, 6), start_deg=rng.uniform(0, 360)
+        shape="saddle",
+        radius_mm=radius,
+        shell_radius_mm=radius * log_uniform(2, 6)(rng),
+        start_deg=rng.uniform(0, 360),
     )
 
 
@@ -196,7 +166,7 @@ def ring(rng: Generator, document: Document) -> None:
 
 def wavy_root(rng: Generator, document: Document) -> None:
     """The root face waves by up to 0.05 mm over 15 to 60 mm, at a slope of up to 1 deg."""
-    wavelength = _log(rng, 15, 60)
+    wavelength = log_uniform(15, 60)(rng)
     amplitude = min(rng.uniform(0, 0.05), math.radians(1.0) * wavelength / (2 * math.pi))
     document["part"]["wave_mm"] = {
         "start": 0,
@@ -211,8 +181,8 @@ def bowed(rng: Generator, document: Document) -> None:
     """Bevel bowed by up to 0.1 mm, root face by up to 0.05 mm, one of them or both."""
     which = rng.integers(1, 4)
     document["part"].update(
-        bevel_bow_mm=_sign(rng) * rng.uniform(0, 0.1) if which & 1 else 0.0,
-        root_bow_mm=_sign(rng) * rng.uniform(0, 0.05) if which & 2 else 0.0,
+        bevel_bow_mm=sign(rng) * rng.uniform(0, 0.1) if which & 1 else 0.0,
+        root_bow_mm=sign(rng) * rng.uniform(0, 0.05) if which & 2 else 0.0,
     )
 
 
@@ -228,21 +198,10 @@ def ghosts(rng: Generator, document: Document) -> None:
             "from_mm": -10.0 if everywhere else start * length,
             "to_mm": 1e4 if everywhere else (start + rng.uniform(0.1, 0.5)) * length,
             "across": [low, low + rng.uniform(0.15, 0.4)],
-            "offset_mm": _sign(rng) * rng.uniform(0.05, 0.3),
+            "offset_mm": sign(rng) * rng.uniform(0.05, 0.3),
             "probability": 1.0 if rng.random() < 0.5 else rng.uniform(0.3, 1),
         }
     ]
-
-
-def correlated(rng: Generator, document: Document) -> None:
-    """Neighbouring columns share 0.8 of their noise of 0.012 to 0.036 mm."""
-    document["scanner"]["noise"].update(sd_mm=rng.uniform(0.012, 0.036), column_correlation=0.8)
-
-
-def fixed_pattern(rng: Generator, document: Document) -> None:
-    """The same, and a fifth to a half of its variance repeats in every frame."""
-    correlated(rng, document)
-    document["scanner"]["noise"]["pattern_share"] = rng.uniform(0.2, 0.5)
 
 
 def one_phase(rng: Generator, document: Document) -> None:
@@ -251,23 +210,6 @@ def one_phase(rng: Generator, document: Document) -> None:
     document["way"].update(skew=columns * 0.05 / 2, oblique_deg=0.0, lead_deg=0.0)
     document["robot"].update(pose_noise_mm=0.0, pose_noise_deg=0.0)
     document["scanner"]["intensity"] = False
-
-
-def one_phase_bright(rng: Generator, document: Document) -> None:
-    """The same with brightness recorded."""
-    one_phase(rng, document)
-    document["scanner"]["intensity"] = True
-
-
-def sway(rng: Generator, document: Document) -> None:
-    """The scanner sways by up to 3 deg."""
-    document["way"].update(sway_deg=rng.uniform(-3, 3, 3).tolist(), sway_wavelength_mm=rng.uniform(30, 120))
-
-
-def time_offset(rng: Generator, document: Document) -> None:
-    """Frames stamped up to 5 ms off, at up to 3 deg of sway."""
-    sway(rng, document)
-    document["robot"]["time_offset_s"] = rng.uniform(-0.005, 0.005)
 
 
 def there_and_back(rng: Generator, document: Document) -> None:
@@ -282,106 +224,101 @@ def reversal(rng: Generator, document: Document) -> None:
     document["way"]["places"] = [0.0, stop, stop - rng.uniform(10, 30) / length, 1.0]
 
 
-def stop_and_go(rng: Generator, document: Document) -> None:
-    """A pose at each frame's own time."""
-    document["way"]["motion"] = "stop_and_go"
-
-
-def two_poses(rng: Generator, document: Document) -> None:
-    """The paper's case: the two ends of a straight motion, hand-eye and poses as good as robots are."""
-    document["way"].update(motion="two_poses", follow="line")
-    document["robot"] = {
-        "pose_noise_mm": rng.uniform(0, 0.05),
-        "pose_noise_deg": rng.uniform(0, 0.01),
-        "hand_eye_error_mm": rng.uniform(0, 0.1),
-        "hand_eye_error_deg": rng.uniform(0, 0.01),
-    }
-
-
-def drift(rng: Generator, document: Document) -> None:
-    """The robot drifts by up to 0.1 mm from end to end and errs by up to 0.05 mm smoothly."""
-    document["robot"].update(
-        drift_mm=rng.uniform(0, 0.1),
-        smooth_error_mm=rng.uniform(0, 0.05),
-        smooth_error_wavelength_mm=rng.uniform(60, 250),
-    )
-
-
 def clamps(rng: Generator, document: Document) -> None:
     """One to three clamps."""
     document["part"]["clamps"] = some_clamps(rng, document["part"]["spine"]["length_mm"], 20, 15)
 
 
-def arc(rng: Generator, document: Document) -> None:
-    """Radius 100 to 3,000 mm, convex or concave."""
-    document["part"]["spine"].update(
-        shape="arc", radius_mm=_log(rng, 100, 3000), sense=str(rng.choice(["convex", "concave"]))
-    )
-
-
-def space_wave(rng: Generator, document: Document) -> None:
-    """A wave in the plate's plane and out of it."""
-    document["part"]["spine"].update(
-        shape="wavy",
-        amplitude_mm=rng.uniform(0.5, 3),
-        height_amplitude_mm=rng.uniform(0, 2),
-        wavelength_mm=rng.uniform(120, 300),
-        phase_deg=rng.uniform(0, 360),
-    )
-
-
-def rough(rng: Generator, document: Document) -> None:
-    """An end face rough by 0.3 mm (three standard deviations), correlated over 1 to 4 mm."""
-    document["part"]["roughness"] = {"sd_mm": 0.1, "correlation_mm": _log(rng, 1, 4)}
-
-
 def mixed(rng: Generator, document: Document) -> None:
-    """Two to four of the others at random, one of them often the shape."""
+    """Two to four of the faults at random, one of the shapes often among them."""
     faults = list(FAULTS)
     if document["part"]["kind"] == "raw":
-        faults = [*(c for c in FAULTS if c is not wavy_root), rough]
+        faults = [*(name for name in FAULTS if name != "wavy_root"), "rough"]
     chosen = [faults[i] for i in rng.choice(len(faults), rng.integers(2, 5), replace=False)]
     if rng.random() < 0.6:
-        chosen.insert(0, SHAPES[rng.integers(len(SHAPES))])
-    if rough in chosen and bowed in chosen:
-        chosen.remove(bowed)
-    document["title"] = "mixed: " + ", ".join(c.__name__ for c in chosen)
-    for condition in chosen:
-        condition(rng, document)
+        chosen.insert(0, list(SHAPES)[rng.integers(len(SHAPES))])
+    if "rough" in chosen and "bowed" in chosen:
+        chosen.remove("bowed")
+    document["title"] = "mixed: " + ", ".join(chosen)
+    for name in chosen:
+        apply(EVERY[name], rng, document)
 
 
-SHAPES = (arc, space_wave, twist, saddle)
-FAULTS = (
-    texture,
-    rounded,
-    lost_blocks,
-    lost_edge,
-    burr_out,
-    burr_in,
-    wavy_root,
-    bowed,
-    ghosts,
-    correlated,
-    fixed_pattern,
-    sway,
-    reversal,
-    there_and_back,
-    drift,
-    clamps,
-)
-_MILLED = (
-    plain,
-    two_poses,
-    helix,
-    ring,
-    one_phase,
-    one_phase_bright,
-    time_offset,
-    stop_and_go,
-    *SHAPES,
-    *FAULTS,
-    mixed,
-)
-_RAW = (plain, *SHAPES, ring, rough, rounded, burr_out, burr_in, lost_blocks, texture, clamps, mixed)
-SWEPT_CONDITIONS: dict[str, Condition] = {f"swept_{c.__name__}": c for c in _MILLED}
-RAW_SWEPT_CONDITIONS: dict[str, Condition] = {f"swept_raw_{c.__name__}": c for c in _RAW}
+SHAPES: dict[str, Condition] = {
+    "arc": {
+        "part": {
+            "spine": {"shape": "arc", "radius_mm": log_uniform(100, 3000), "sense": either("convex", "concave")},
+        }
+    },
+    "space_wave": {  # in the plate's plane and out of it
+        "part": {
+            "spine": {
+                "shape": "wavy",
+                "amplitude_mm": uniform(0.5, 3),
+                "height_amplitude_mm": uniform(0, 2),
+                "wavelength_mm": uniform(120, 300),
+                "phase_deg": uniform(0, 360),
+            }
+        }
+    },
+    "twist": twist,
+    "saddle": saddle,
+}
+HELIX = {
+    "shape": "arc",
+    "radius_mm": log_uniform(100, 500),
+    "rise_mm": uniform(-80, 80),
+    "sense": either("convex", "concave"),
+}
+CORRELATED: Condition = {"scanner": {"noise": {"sd_mm": uniform(0.012, 0.036), "column_correlation": 0.8}}}
+SWAY: Condition = {
+    "way": {"sway_deg": lambda rng: rng.uniform(-3, 3, 3).tolist(), "sway_wavelength_mm": uniform(30, 120)}
+}
+FAULTS: dict[str, Condition] = {
+    "texture": {"part": {"texture": {"sd_mm": uniform(0, 0.01), "correlation_mm": log_uniform(0.1, 0.8)}}},
+    "rounded": rounded,
+    "lost_blocks": {"losses": {"block_share": uniform(0.1, 0.25), "block_columns": [5, 40], "block_frames": [3, 30]}},
+    "lost_edge": lost_edge,
+    "burr_out": burr_out,
+    "burr_in": burr_in,
+    "wavy_root": wavy_root,
+    "bowed": bowed,
+    "ghosts": ghosts,
+    "correlated": CORRELATED,
+    "fixed_pattern": (CORRELATED, {"scanner": {"noise": {"pattern_share": uniform(0.2, 0.5)}}}),
+    "sway": SWAY,
+    "reversal": reversal,
+    "there_and_back": there_and_back,
+    "drift": {
+        "robot": {
+            "drift_mm": uniform(0, 0.1),
+            "smooth_error_mm": uniform(0, 0.05),
+            "smooth_error_wavelength_mm": uniform(60, 250),
+        }
+    },
+    "clamps": clamps,
+}
+OTHERS: dict[str, Condition] = {
+    "plain": {},
+    "two_poses": {  # the paper's case: the two ends of a straight motion, hand-eye and poses as good as robots are
+        "way": {"motion": "two_poses", "follow": "line"},
+        "robot": {
+            "pose_noise_mm": uniform(0, 0.05),
+            "pose_noise_deg": uniform(0, 0.01),
+            "hand_eye_error_mm": uniform(0, 0.1),
+            "hand_eye_error_deg": uniform(0, 0.01),
+        },
+    },
+    "helix": ({"part": {"spine": HELIX}}, twist, {"way": {"follow": "section"}}),
+    "ring": ring,
+    "one_phase": one_phase,
+    "one_phase_bright": (one_phase, {"scanner": {"intensity": True}}),
+    "time_offset": (SWAY, {"robot": {"time_offset_s": uniform(-0.005, 0.005)}}),
+    "stop_and_go": {"way": {"motion": "stop_and_go"}},
+    "rough": {"part": {"roughness": {"sd_mm": 0.1, "correlation_mm": log_uniform(1, 4)}}},
+    "mixed": mixed,
+}
+EVERY = OTHERS | SHAPES | FAULTS
+_RAW = ("plain", *SHAPES, "ring", "rough", "rounded", "burr_out", "burr_in", "lost_blocks", "texture", "clamps")
+SWEPT_CONDITIONS = {f"swept_{name}": condition for name, condition in EVERY.items() if name != "rough"}
+RAW_SWEPT_CONDITIONS = {f"swept_raw_{name}": EVERY[name] for name in (*_RAW, "mixed")}

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from bench.confidently_wrong.kinds import KINDS
-from bench.drawn import plates
-from bench.drawn.plates import random_recipe
+from bench.drawn.declared import apply
+from bench.drawn.plates import CONDITIONS as PLATES
+from bench.drawn.plates import draw_plate, random_recipe
 from bench.drawn.seeds import generator, nominal
 from bench.score.errors import about_robot, as_real
 from bench.score.face import local_face, rough_upper_side
@@ -19,23 +20,16 @@ from bench.score.parts import Drawn
 from workbench.synthetic import parse_recipe, simulate_recording
 from workbench.synthetic.prism_scan import simulate_prism
 
-ORDINARY = (
-    plates.as_is,
-    plates.arc,
-    plates.wavy,
-    plates.oblique,
-    plates.reversed,
-    plates.two_pass,
-)
+ORDINARY = ("straight", "arc", "wavy", "oblique", "reversed", "two_pass")
 CONDITIONS = (
-    plates.clamps,
-    plates.vibration,
-    plates.robot_error,
-    plates.partial_view,
-    plates.outliers,
-    plates.missing,
-    plates.correlated,
-    plates.coarse,
+    "clamps",
+    "vibration",
+    "robot_error",
+    "partial_view",
+    "outliers_5",
+    "missing_20",
+    "correlated",
+    "coarse",
 )
 SPOILS = (
     "mean over 3 columns",
@@ -52,12 +46,10 @@ SPOILS = (
 RAW = ("straight", "arc", "wavy", "drift", "rough", "twist", "burrs", "below", "two_pass", "clamps")
 
 
-def milled(rng: np.random.Generator, seed: int, elevation_deg: tuple[float, float], *more: Any) -> tuple[Any, Any]:
-    """Recording and truth of a straight part under the conditions `more`."""
-    document = plates.draw_plate(rng, seed, elevation_deg)
-    for condition in more:
-        condition(rng, document)
-    document["title"] = ", ".join(condition.__name__ for condition in more)
+def milled(rng: np.random.Generator, seed: int, elevation_deg: tuple[float, float], condition: str) -> tuple[Any, Any]:
+    """Recording and truth of a straight part under a condition."""
+    document = draw_plate(rng, seed, elevation_deg) | {"title": condition}
+    apply(PLATES[condition], rng, document)
     return simulate_recording(parse_recipe(document, source=f"analytic {seed}"))
 
 
@@ -77,9 +69,9 @@ def odd(seed: int) -> Drawn:
     """Every kind in turn."""
     rng = generator("score analytic odd", seed)
     number = seed % (len(CONDITIONS) + len(SPOILS))
-    more = CONDITIONS[number : number + 1]
-    recording, truth = milled(rng, seed, (25.0, 60.0), *more)
-    if more:
+    condition = CONDITIONS[number] if number < len(CONDITIONS) else "straight"
+    recording, truth = milled(rng, seed, (25.0, 60.0), condition)
+    if number < len(CONDITIONS):
         return milled_part(recording, truth)
     about = SPOILS[number - len(CONDITIONS)]
     return milled_part(KINDS[about].spoil(recording, rng), truth, about=about)

@@ -51,6 +51,7 @@ class Study:
     told: Callable[[Any], Iterable[str]] | None = None  # lines on standard error of each result as it comes
     failed: Callable[[Any], object] = field(default=lambda result: False)  # whether a result is a failure
     workers: int = 2
+    instead: Callable[[argparse.Namespace], bool] = field(default=lambda given: False)  # whether it did what was asked
 
     def __call__(self, arguments: Sequence[str] | None = None) -> int:
         """Measure, print, and write the page if it is asked for; the exit status is 1 where a result failed.
@@ -58,6 +59,8 @@ class Study:
         Results are kept, so that a stopped run goes on, unless they are told as they come.
         """
         given, made = self._parsed(arguments), made_by()  # of the code that runs: the commit may change meanwhile
+        if self.instead(given):
+            return 0
         tasks = list(self.tasks(given))
         if self.told:
             found = []
@@ -104,7 +107,7 @@ class Study:
         return " ".join(words)
 
 
-def each(measure: Callable[[T], R], tasks: Sequence[T], workers: int, what: str = "parts") -> Iterator[R]:
+def each(measure: Callable[[T], R], tasks: Sequence[T], workers: int) -> Iterator[R]:
     """What `measure` makes of each task, as they come; a line on standard error after every twentieth.
 
     A worker has one thread: numba and Open3D would otherwise start as many as there are cores, each.
@@ -113,7 +116,7 @@ def each(measure: Callable[[T], R], tasks: Sequence[T], workers: int, what: str 
     for number, result in enumerate(_results(measure, tasks, workers), 1):
         yield result
         if number % EVERY == 0 or number == len(tasks):
-            print(f"{number} of {len(tasks)} {what}, {time.monotonic() - start:.0f} s", file=sys.stderr, flush=True)
+            print(f"{number} of {len(tasks)} parts, {time.monotonic() - start:.0f} s", file=sys.stderr, flush=True)
 
 
 def _results(measure: Callable[[T], R], tasks: Sequence[T], workers: int) -> Iterator[R]:

@@ -5,119 +5,142 @@
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import json
+import os
 import sys
+import time
+from argparse import Namespace
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.harness import made_by
+from bench.harness import Option, Study
 from bench.open.rivals import FROZEN, NAMES, rival
-from bench.open.run import answers
-from bench.open.table import put, table
-from bench.open.tracks import ROUNDS, TRACKS, Entry, drawn, entries, keys, new_round, rounds, truth, write
+from bench.open.table import pictured, summary, table
+from bench.open.tracks import FORMATS, ROUNDS, TRACKS, Entry, drawn, entries, keys, rounds, truth, write
 from bench.score.parts import kept
 from workbench.score.judge import judged
-from workbench.score.page import picture
 
 QUICK = 7  # recordings of each set
+Task = tuple[str, Entry, tuple[str, ...], str]  # track, recording, rivals, folder of drawn recordings
+Answers = Mapping[str, Mapping[str, Any]]  # by rival
 
 
-def main(arguments: list[str] | None = None) -> int:
-    given = parse(arguments)
-    if given.new_round:
-        return seal(given.new_round, given.key)
-    made = made_by() if given.docs else ""  # of the code that runs: the commit may change meanwhile
-    secret = given.key.read_text(encoding="utf-8").strip() if given.key else None
-    chosen = keys(given.version, secret)
-    sets = {
+def sets(given: Namespace) -> dict[tuple[str, str], list[Entry]]:
+    """Recordings by track and set."""
+    secret = Path(given.key).read_text(encoding="utf-8").strip() if given.key else None
+    return {
         (track, name): entries(track, name, key)[: QUICK if given.quick else None]
         for track in given.tracks
-        for name, key in chosen.items()
+        for name, key in keys(given.version, secret).items()
     }
-    if given.write:
-        for (track, name), some in sets.items():
-            parts = {one.name: drawn(one, given.keep) for one in some}
-            folder = given.write / track / name
+
+
+def tasks(given: Namespace) -> Iterator[Task]:
+    """Every recording with all rivals of its track."""
+    for (track, _), some in sets(given).items():
+        names = tuple(name for name in given.rivals if track in rival(name).tracks)
+        yield from ((track, entry, names, given.keep or str(kept())) for entry in some)
+
+
+def answered(task: Task) -> Answers:
+    """What every rival says of a recording."""
+    _, entry, names, keep = task
+    part, told = drawn(entry, Path(keep)), {}
+    for name in names:
+        start = time.process_time()
+        try:
+            answer = dict(rival(name).measure(part.recording, part.declared))
+        except Exception as error:  # a rival that fails has refused; the others go on
+            answer = {"refused": f"{type(error).__name__}: {error}"[:300]}
+        told[name] = answer | {"seconds": round(time.process_time() - start, 3)}
+    return told
+
+
+def report(found: Sequence[Answers], given: Namespace) -> Iterator[str]:
+    """The table, and with `--docs` its pictures."""
+    told = list(zip(tasks(given), found, strict=True))
+    cards = {track: cards_of(track, [one for one in told if one[0][0] == track], given) for track in given.tracks}
+    yield f"Round {given.version}, sets {' and '.join(dict.fromkeys(name for _, name in sets(given)))}."
+    yield from ("", table(cards))
+    if given.docs:
+        pictured(cards)
+
+
+def cards_of(track: str, told: Sequence[tuple[Task, Answers]], given: Namespace) -> list[dict[str, Any]]:
+    """A card a rival, over all sets together; submissions of whom only results are kept among them."""
+    parts = {entry.name: drawn(entry, Path(keep)) for (_, entry, _, keep), _ in told}
+    true = truth(given.version, track, "all", parts)
+    submissions = {
+        name: {
+            "format": "edge-benchmark-submission",
+            "version": 1,
+            "method": rival(name).title,
+            "track": track,
+            "recordings": {task[1].name: one[name] for task, one in told},
+        }
+        for name in told[0][0][2]
+    }
+    for path in sorted(FROZEN.glob(f"{track}-*-{given.version}.json")):
+        submissions[path.stem] = json.loads(path.read_text(encoding="utf-8"))
+    for name, document in submissions.items():
+        if given.submissions:
+            path = Path(given.submissions, f"{track}-{name}.json")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(json.dumps(document), encoding="utf-8")
+        # frozen results may be of more recordings than a quick look has
+        document["recordings"] = {name: answer for name, answer in document["recordings"].items() if name in parts}
+    return sorted((judged(document, true) for document in submissions.values()), key=lambda card: card["score"])
+
+
+def written(given: Namespace) -> bool:
+    """Whether recordings were to be written, or a round to be sealed, instead of measuring."""
+    if given.new_round:
+        seal(given.new_round, Path(given.key))
+    elif given.write:
+        for (track, name), some in sets(given).items():
+            parts = {one.name: drawn(one, Path(given.keep or kept())) for one in some}
+            folder = Path(given.write, track, name)
             write(folder, parts, tuple(given.formats))
             (folder / "truth.json").write_text(json.dumps(truth(given.version, track, name, parts)), encoding="utf-8")
-        return 0
-    tasks = [
-        (track, one, tuple(n for n in given.rivals if track in rival(n).tracks), given.keep or kept())
-        for (track, _), some in sets.items()
-        for one in some
-    ]
-    found = answers(tasks, given.workers)
-    cards = {track: cards_of(track, sets, found, given) for track in given.tracks}
-    words = f"python -m bench.open --version {given.version}{' --quick' * given.quick}"
-    text = f"`{words}`, sets {' and '.join(chosen)}{made}\n\n{table(cards)}"
-    print(text)
-    if given.docs:
-        put(text, {track: picture(some) for track, some in cards.items()})
-    return 0
+    return bool(given.new_round or given.write)
 
 
-def parse(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m bench.open", description=__doc__)
-    parser.add_argument("--version", choices=rounds(), default=next(iter(rounds())), help="round")
-    parser.add_argument("--tracks", nargs="+", choices=TRACKS, default=list(TRACKS))
-    parser.add_argument("--rivals", nargs="+", choices=NAMES, default=list(NAMES))
-    parser.add_argument("--quick", action="store_true", help=f"{QUICK} recordings of each set: five minutes")
-    parser.add_argument("--workers", type=int, default=2, help="processes (2)")
-    parser.add_argument("--keep", type=Path, help="folder of drawn recordings")
-    parser.add_argument("--key", type=Path, help="file with the key of a sealed round")
-    parser.add_argument("--write", type=Path, metavar="FOLDER", help="write recordings, what is declared, and truth")
-    parser.add_argument("--formats", nargs="+", choices=("h5", "npz", "csv"), default=["h5"], help="of --write")
-    parser.add_argument("--submissions", type=Path, metavar="FOLDER", help="write what each rival answered")
-    parser.add_argument("--new-round", metavar="VERSION", help="draw a key into the file --key, publish its digest")
-    parser.add_argument("--docs", action="store_true", help="write the table into docs/benchmark.md")
-    return parser.parse_args(arguments)
-
-
-def seal(version: str, key: Path) -> int:
+def seal(version: str, key: Path) -> None:
     """A new round: the key goes to a file that must stay apart, its digest into rounds.json."""
     if version in rounds() or key.exists():
         raise SystemExit(f"round {version} or the file {key} is there already")
-    secret = new_round()
+    secret = os.urandom(24).hex()  # that nobody can guess
     key.write_text(secret + "\n", encoding="utf-8")
     digest = hashlib.sha256(secret.encode()).hexdigest()
     ROUNDS.write_text(
         json.dumps({**rounds(), version: {"key_sha256": digest, "key": None, "opened": None}}, indent=1) + "\n"
     )
-    return 0
 
 
-def cards_of(
-    track: str,
-    sets: dict[tuple[str, str], list[Entry]],
-    found: dict[tuple[str, str, str], Any],
-    given: argparse.Namespace,
-) -> list[dict[str, Any]]:
-    """A card a rival, over all sets together; submissions of whom only results are kept among them."""
-    parts = {one.name: drawn(one, given.keep) for (of, _), some in sets.items() if of == track for one in some}
-    true = truth(given.version, track, "all", parts)
-    submissions = []
-    for name in given.rivals:
-        if track in rival(name).tracks:
-            recordings = {entry: found[track, entry, name] for entry in parts}
-            submissions.append((name, submission(rival(name).title, track, recordings)))
-    for path in sorted(FROZEN.glob(f"{track}-*-{given.version}.json")):
-        submissions.append((path.stem, json.loads(path.read_text(encoding="utf-8"))))
-    if given.submissions:
-        given.submissions.mkdir(parents=True, exist_ok=True)
-        for name, document in submissions:
-            (given.submissions / f"{track}-{name}.json").write_text(json.dumps(document), encoding="utf-8")
-    for _, document in submissions:  # frozen results may be of more recordings than a quick look has
-        document["recordings"] = {name: told for name, told in document["recordings"].items() if name in parts}
-    return sorted((judged(document, true) for _, document in submissions), key=lambda card: card["score"])
-
-
-def submission(method: str, track: str, recordings: dict[str, Any]) -> dict[str, Any]:
-    """A submission's document."""
-    head = {"format": "edge-benchmark-submission", "version": 1, "method": method, "track": track}
-    return head | {"recordings": recordings}
-
-
+STUDY = Study(
+    "open",
+    str(__doc__),
+    {
+        "version": Option(next(iter(rounds())), "round", rounds()),
+        "tracks": Option(tuple(TRACKS), choices=TRACKS),
+        "rivals": Option(NAMES, choices=NAMES),
+        "quick": Option(False, f"{QUICK} recordings of each set: five minutes"),
+        "keep": Option("", "folder of drawn recordings", said=False),
+        "key": Option("", "file with the key of a sealed round", said=False),
+        "write": Option("", "folder for recordings, what is declared, and truth"),
+        "formats": Option(("h5",), "of --write", FORMATS),
+        "submissions": Option("", "folder for what each rival answered", said=False),
+        "new_round": Option("", "its version: draw a key into the file --key, publish its digest"),
+    },
+    tasks,
+    answered,
+    report,
+    "benchmark.md",
+    "benchmark",
+    summary,
+    instead=written,
+)
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(STUDY())

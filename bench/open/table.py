@@ -1,17 +1,19 @@
-"""Cards of rivals as one table, best first, and its place in docs/benchmark.md."""
+"""Cards of rivals as one table, best first, and as pictures."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from bench.harness import ROOT
-from bench.tables import markdown, put_into, shortened
+from bench.tables import markdown, shortened
+from workbench.score.page import picture
+from workbench.score.scorer import scale
 
 HEAD = ("track", "method", "score", "refused", "coverage, %", "beyond 4u, %", "worst error/u")
 HEAD += ("sharpness, U/T", "by value", "s")
 SHOWN = ("track", "method", "score", "refused", "coverage, %", "beyond 4u, %", "sharpness, U/T")  # on the page
-PAGE = ROOT / "docs" / "benchmark.md"
 
 
 def table(cards: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
@@ -21,8 +23,6 @@ def table(cards: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
 
 def row(card: Mapping[str, Any]) -> list[str]:
     """Of one method in one track."""
-    from workbench.score.scorer import scale
-
     known = {name: one for name, one in card["quantities"].items() if one["values"]}
     values = sum(one["values"] for one in known.values())
 
@@ -45,8 +45,12 @@ def row(card: Mapping[str, Any]) -> list[str]:
     return [*cells, "" if seconds is None else f"{seconds:.2f}"]
 
 
-def put(text: str, pictures: Mapping[str, bytes]) -> None:
-    """The table into the page, the pictures beside it."""
-    put_into(PAGE, shortened(PAGE, text, "Methods", SHOWN, lambda row: "of commit" not in row[1]), "benchmark")
-    for track, svg in pictures.items():
-        (PAGE.parent / "pictures" / f"benchmark_{track}.svg").write_bytes(svg)
+def summary(page: Path, text: str) -> str:
+    """Without the results of earlier commits."""
+    return shortened(page, text, "Methods", SHOWN, lambda row: "of commit" not in row[1])
+
+
+def pictured(cards: Mapping[str, Sequence[Mapping[str, Any]]]) -> None:
+    """A picture a track, beside the page."""
+    for track, some in cards.items():
+        (ROOT / "docs" / "pictures" / f"benchmark_{track}.svg").write_bytes(picture(some))

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +20,7 @@ from workbench.scan import read
 
 ROUNDS = Path(__file__).with_name("rounds.json")
 SETS = {"practice": 20, "blind": 40}
+FORMATS = ("h5", "npz", "csv")
 TRACKS = {  # simulators that share no code, in turn
     "milled": ("analytic", "outside", "triangulated", "swept"),
     "raw": ("analytic", "outside", "triangulated", "swept"),
@@ -142,8 +142,3 @@ def tables(stem: Path, columns: Mapping[str, Any]) -> None:
     head = "time_s,pass,x_mm,y_mm,z_mm,qw,qx,qy,qz"
     np.savetxt(f"{stem}.poses.csv", np.column_stack(poses), "%.9g", ",", header=head, comments="")
     np.savetxt(f"{stem}.hand_eye.csv", columns["hand_eye_flange_from_profiler"], "%.12g", ",")
-
-
-def new_round() -> str:
-    """A key that nobody can guess."""
-    return os.urandom(24).hex()

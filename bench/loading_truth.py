@@ -11,6 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from bench.bounds import cramer_rao, differences
 from bench.harness import ROOT
 from workbench.plugins.stiffness import plan_loads
 from workbench.plugins.stiffness.simulate_loads_stage import simulate_tests
@@ -80,22 +81,16 @@ def _bound(cell: Cell, setup: LoadingSetup, exact: LoadingTests, targets: int) -
     D: derivative of the displacement; S: noise of the displacement and of the wrench, which acts through the robot.
     """
 
-    def moved(k: Float, wrench: Float) -> Float:
+    def moved(off: Float, more: Float) -> Float:
+        k, wrench = K * np.exp(off), exact.wrench + more
         return simulate_tests(cell.chain, setup, k, exact.joints, wrench, exact.labels, targets=targets).moved
 
-    def difference(j: int) -> Float:
-        up, down = K.copy(), K.copy()
-        up[j], down[j] = K[j] * np.exp(STEP), K[j] * np.exp(-STEP)
-        return (moved(up, exact.wrench) - moved(down, exact.wrench)) / (2 * STEP)
-
-    def by_wrench(j: int) -> Float:
-        step = STEP_N * np.eye(6)[j]
-        return (moved(K, exact.wrench + step) - moved(K, exact.wrench - step)) / (2 * STEP_N)
-
-    d = np.stack([difference(j) for j in range(6)], axis=-1)
-    through = np.stack([by_wrench(j) for j in range(6)], axis=-1) * _wrench_noise(setup)
-    noise = through @ np.swapaxes(through, 1, 2) + np.diag(_row_noise(setup, targets) ** 2)
-    return np.sqrt(np.diag(np.linalg.inv((np.swapaxes(d, 1, 2) @ np.linalg.solve(noise, d)).sum(axis=0))))
+    rows = _row_noise(setup, targets)
+    by_wrench = differences(lambda more: moved(np.zeros(6), more), np.full(6, STEP_N)).reshape(-1, len(rows), 6)
+    through = by_wrench * _wrench_noise(setup)
+    noise = through @ np.swapaxes(through, 1, 2) + np.diag(rows**2)
+    bound = cramer_rao(lambda off: moved(off, np.zeros(6)), np.full(6, STEP), noise, np.zeros(6))
+    return np.sqrt(np.diag(bound))
 
 
 def _wrench_noise(setup: LoadingSetup) -> Float:

@@ -6,13 +6,13 @@ both share nothing with `calibrate.robot` and `calibrate.tracker`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
+from bench.bounds import cramer_rao
 from bench.calibration.faces import TRUE
 from bench.calibration.sphere_truth import circles_of
 from bench.harness import ROOT
@@ -109,19 +109,6 @@ def _seen_at(poses: Float, hand_eye: Float, ball: Float) -> Float:
     return np.asarray(np.einsum("nji,nj->ni", profiler[:, :3, :3], ball - profiler[:, :3, 3]))
 
 
-def bound(predict: Callable[[Float], Float], scale: Float, covariance: list[Float], prior: Float) -> Float:
-    """Cramer-Rao bound (P, P), priors included: by differences of what `predict` says of all unknowns."""
-    columns = [(predict(step) - predict(-step)).ravel() / (2 * step.sum()) for step in np.diag(STEP * scale)]
-    J = np.column_stack(columns)
-    information, at = np.diag(prior), 0
-    for block in covariance:
-        rows = J[at : at + len(block)]
-        information = information + rows.T @ np.linalg.solve(block, rows)
-        at += len(block)
-    size_of = 1 / np.sqrt(np.diagonal(information))
-    return np.asarray(size_of[:, None] * np.linalg.inv(size_of[:, None] * information * size_of) * size_of)
-
-
 def one_tracked(seed: int, tilt: float = 0.0) -> tuple[Float, Float, Float]:
     """Errors (P,) of the arm's parameters, their stated covariance and the bound."""
     rng = np.random.default_rng([seed, 0x7AC])
@@ -150,7 +137,7 @@ def one_tracked(seed: int, tilt: float = 0.0) -> tuple[Float, Float, Float]:
     return (
         found.at.errors - arm.x,
         found.covariance[15:, 15:],
-        bound(predict, scale, blocks, prior)[15:, 15:],
+        cramer_rao(predict, STEP * scale, blocks, prior)[15:, 15:],
     )
 
 
@@ -183,5 +170,5 @@ def one_sphere(seed: int, tilt: float = 0.0) -> tuple[Float, Float, Float]:
     turned = Rotation.from_matrix(TRUE[:3, :3] @ found.at.estimate.rotation.T).as_rotvec()
     error = np.concatenate([found.at.estimate.translation_mm - TRUE[:3, 3], -turned, found.at.errors - arm.x])
     keep = np.r_[0:6, 10 : 10 + len(arm.x)]
-    lowest = bound(shown, scale, blocks, prior)
+    lowest = cramer_rao(shown, STEP * scale, blocks, prior)
     return error, found.covariance[np.ix_(keep, keep)], lowest[np.ix_(keep, keep)]

@@ -1,17 +1,19 @@
 """The true answer of a simulated calibration: errors over the field of view, and the Cramer-Rao bound.
 
-Written apart from the calibration itself: derivatives are differences of the prediction, nothing is shared with it.
+Written apart from the calibration itself, and nothing is shared with it.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from bench.bounds import cramer_rao, differences
 from workbench.geometry.poses import pose_from, rotation_from_quaternion
 from workbench.synthetic import SphereRecipe, SphereTruth
 from workbench.synthetic.sphere import sphere_motion, true_poses
@@ -122,14 +124,17 @@ def circles_of(
 def bound(cell: Cell, covariance: Float, radius_u_mm: float) -> Float:
     """Cramer-Rao bound (6, 6) of the hand-eye pose: centre unknown, radius known to `radius_u_mm`."""
     center = (cell.turned @ cell.hand_eye @ np.append(cell.centre[0], 1.0)[:, None])[0, :3, 0]
-    matrix = np.zeros((10, 10))
-    matrix[9, 9] = radius_u_mm**-2
-    errors = np.repeat([cell.pose_mm, np.radians(cell.pose_deg)], 3)
+
+    def seen(unknown: Float) -> Float:
+        return np.array([_predict(cell, pose, center, unknown, np.zeros(6)) for pose in cell.turned])
+
+    errors, blocks = np.repeat([cell.pose_mm, np.radians(cell.pose_deg)], 3), []
     for pose, spread in zip(cell.turned, covariance, strict=True):
-        J = _differences(lambda e, pose=pose: _predict(cell, pose, center, e, np.zeros(6)), 10)
-        H = _differences(lambda e, pose=pose: _predict(cell, pose, center, np.zeros(10), e), 6) * errors
-        matrix += J.T @ np.linalg.solve(spread + H @ H.T, J)
-    return np.asarray(np.linalg.inv(matrix)[:6, :6])
+        by_pose = partial(_predict, cell, pose, center, np.zeros(10))
+        off = differences(by_pose, np.full(6, STEP)) * errors
+        blocks.append(spread + off @ off.T)
+    prior = np.append(np.zeros(9), radius_u_mm**-2)
+    return cramer_rao(seen, np.full(10, STEP), blocks, prior)[:6, :6]
 
 
 def _predict(cell: Cell, pose: Float, center: Float, unknown: Float, error: Float) -> Float:
@@ -139,9 +144,3 @@ def _predict(cell: Cell, pose: Float, center: Float, unknown: Float, error: Floa
     flange = A.T @ (center + unknown[6:9] - pose[:3, 3] - error[:3])
     c = R.T @ (flange - cell.hand_eye[:3, 3] - unknown[:3])
     return np.array([c[0], c[2], (cell.radius_mm + unknown[9]) ** 2 - c[1] ** 2])
-
-
-def _differences(function: object, size: int) -> Float:
-    assert callable(function)
-    steps = np.eye(size) * STEP
-    return np.stack([(function(s) - function(-s)) / (2 * STEP) for s in steps], axis=1)

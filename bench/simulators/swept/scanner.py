@@ -15,7 +15,7 @@ import scipy
 from scipy.spatial.transform import Rotation
 
 from bench.simulators.swept.recipe import AnyRecipe, Block, EdgeBurr, SweptPart, SweptScanner, Way
-from bench.simulators.swept.sweep import ROOT, Chain, Curve, Frames, chain_of, outline_of, shape_of
+from bench.simulators.swept.sweep import ROOT, Chain, Curve, Frames, chain_of, outline_of
 from workbench.geometry.poses import inverse, pose_from
 from workbench.synthetic.workpiece import pose
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
@@ -168,8 +168,7 @@ STEP_ROUGH_MM = 0.25  # between the stations of a rough face
 def plate_mesh(part: SweptPart, curve: Curve, rng: np.random.Generator) -> Mesh:
     """The mesh of a plate's edge: the swept section, its burrs and clamps."""
     frames = stations(curve, STEP_ROUGH_MM if part.roughness.sd_mm > 0 else STEP_STRAIGHT_MM)
-    shape = shape_of(part, frames.s, curve.length)
-    chain = chain_of(outline_of(part, shape))
+    chain = chain_of(outline_of(part, frames.s, curve.length))
     points = chain.points.copy()
     relief = relief_of(part, curve.length, rng)
     on_root = np.zeros(points.shape[1], dtype=bool)
@@ -197,11 +196,11 @@ def relief_of(part: SweptPart, length: float, rng: np.random.Generator) -> Relie
 def _burr(part: SweptPart, curve: Curve, burr: EdgeBurr, rng: np.random.Generator) -> Piece:
     """A ridge of triangular section with a ragged crest that runs out at its ends."""
     s = np.arange(burr.from_mm, burr.to_mm + 1e-9, 0.25).clip(0, curve.length)
-    shape = shape_of(part, s, curve.length)
+    edges = outline_of(part, s, curve.length).corner
     knots = rng.uniform(1 - burr.ragged, 1, max(2, math.ceil((burr.to_mm - burr.from_mm) / 0.7)))
     height = burr.height_mm * np.interp(s, np.linspace(burr.from_mm, burr.to_mm, len(knots)), knots)
     height *= np.clip(np.minimum(s - s[0], s[-1] - s) / 0.5, 0, 1)
-    corner = shape.corner[:, 1] if burr.edge == "lower" else shape.corner[:, 2]
+    corner = edges[:, 1] if burr.edge == "lower" else edges[:, 2]
     down = -1.0 if burr.edge == "lower" else 1.0
     wide, zero = np.full(len(s), burr.width_mm), np.zeros(len(s))
     if burr.direction == "in_plane":  # prolongs the root face; behind it the ridge falls back to the plate
@@ -224,8 +223,8 @@ def _clamp(part: SweptPart, curve: Curve, block: Block) -> Piece:
 
     start, stop = block.from_mm, block.to_mm
     middle = curve.frames(np.array([(start + stop) / 2]))
-    shape = shape_of(part, np.array([(start + stop) / 2]).clip(0, curve.length), curve.length)
-    top = float(shape.corner[0, -2, 1])
+    outline = outline_of(part, np.array([(start + stop) / 2]).clip(0, curve.length), curve.length)
+    top = float(outline.corner[0, -2, 1])
     low = np.array([-block.reach_in_mm, -1.0, (start - stop) / 2])
     high = np.array([block.reach_out_mm, top + block.height_mm, (stop - start) / 2])
     box = open3d.geometry.TriangleMesh.create_box()

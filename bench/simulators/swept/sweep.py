@@ -136,21 +136,13 @@ _ARC_SAG_MM = 2e-4  # of the facets of a rounding
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shape:
-    """Corners and directions in the section plane at k stations."""
-
-    corner: Shaped[Float, "k c 2"]  # of the chain, c = faces + 1
-    faces: tuple[int, ...]
-    bevel: Shaped[Float, " k"]  # rad; NaN on a raw edge
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Outline:
     """What a chain is made of: sharp corners at k stations, then what becomes of them."""
 
     corner: Shaped[Float, "k c 2"]
     faces: tuple[int, ...]  # (c - 1,)
     radii: tuple[float, ...]  # (c,) mm; 0 at both ends
+    bevel: Shaped[Float, " k"]  # rad; NaN where there is none
     bows: Mapping[int, float] = field(default_factory=dict)  # face -> height of its middle over the chord, mm
     rough: bool = False
 
@@ -164,26 +156,30 @@ class Chain:
     across: Shaped[Float, "k j"]  # share of its face, 0 at its lower end; of the rounding, the nearer end
 
 
-def shape_of(part: SweptPart, s: Float, length: float) -> Shape:
-    """The sharp section at arc lengths s (k,)."""
+def outline_of(part: SweptPart, s: Float, length: float) -> Outline:
+    """The section of a plate's edge at arc lengths s (k,)."""
     thickness, wave = (c.at(s, length) for c in (part.thickness_mm, part.wave_mm))
-    reach, zero = np.full(len(s), part.reach_mm), np.zeros(len(s))
-    behind_low, behind_high = np.stack([-reach, zero], axis=1), np.stack([-reach, thickness], axis=1)
-    lower = np.stack([wave, zero], axis=1)
-    if part.kind == "raw":
-        top = np.stack([wave, thickness], axis=1)
-        bevel = np.full(len(s), np.nan)
-        return Shape(np.stack([behind_low, lower, top, behind_high], axis=1), (LOWER, ROOT, UPPER), bevel)
     root, bevel = part.root_mm.at(s, length), part.bevel_deg.at(s, length) * DEG
-    if part.preparation != "bevel":
+    reach, zero = np.full(len(s), part.reach_mm), np.zeros(len(s))
+    faces: tuple[int, ...] = ()  # between root face and upper surface
+    if part.kind == "raw":
+        bevel = np.full(len(s), np.nan)
+        above = [np.stack([wave, thickness], axis=1)]
+    elif part.preparation != "bevel":
         faces, above = _prepared(part, s, length, root, bevel, thickness)
-        corner = np.stack([behind_low, lower, *above, behind_high], axis=1)
-        return Shape(corner, (LOWER, ROOT, *faces, UPPER), bevel)
-    middle = np.stack([wave, root - wave / np.tan(bevel)], axis=1)
-    k = (thickness - root) / np.cos(bevel)
-    top = np.stack([-k * np.sin(bevel), root + k * np.cos(bevel)], axis=1)
-    corner = np.stack([behind_low, lower, middle, top, behind_high], axis=1)
-    return Shape(corner, (LOWER, ROOT, BEVEL, UPPER), bevel)
+    else:
+        faces, k = (BEVEL,), (thickness - root) / np.cos(bevel)
+        middle = np.stack([wave, root - wave / np.tan(bevel)], axis=1)
+        above = [middle, np.stack([-k * np.sin(bevel), root + k * np.cos(bevel)], axis=1)]
+    behind_low, behind_high = (np.stack([-reach, level], axis=1) for level in (zero, thickness))
+    lower = np.stack([wave, zero], axis=1)
+    corner = np.stack([behind_low, lower, *above, behind_high], axis=1)
+    middle_radii = [part.middle_radius_mm] * len(faces)
+    if part.preparation == "J":
+        middle_radii[-1] = part.root_radius_mm
+    radii = (0.0, part.lower_radius_mm, *middle_radii, part.upper_radius_mm, 0.0)
+    bows = {ROOT: part.root_bow_mm, BEVEL: part.bevel_bow_mm}
+    return Outline(corner, (LOWER, ROOT, *faces, UPPER), radii, bevel, bows, part.roughness.sd_mm > 0)
 
 
 def _prepared(
@@ -205,8 +201,7 @@ def _prepared(
 
 def preparation_sizes(part: SweptPart, s: Float, length: float) -> dict[str, Float]:
     """The sizes of a milled plate's preparation at arc lengths s (k,), by the names of `preparation.json`."""
-    shape = shape_of(part, s, length)
-    top = shape.corner[:, -2]
+    top = outline_of(part, s, length).corner[:, -2]
     root, bevel = part.root_mm.at(s, length), part.bevel_deg.at(s, length)
     sizes = {"root_face_mm": root, "bevel_deg": bevel, "depth_mm": top[:, 1] - root, "width_mm": -top[:, 0]}
     if part.preparation == "compound":
@@ -217,16 +212,6 @@ def preparation_sizes(part: SweptPart, s: Float, length: float) -> dict[str, Flo
     if part.preparation == "J":
         sizes["root_radius_mm"] = np.full(len(s), part.root_radius_mm)
     return sizes
-
-
-def outline_of(part: SweptPart, shape: Shape) -> Outline:
-    """The outline of a plate's edge."""
-    middle = [part.middle_radius_mm] * (len(shape.faces) - 3)
-    if part.preparation == "J":
-        middle[-1] = part.root_radius_mm
-    radii = (0.0, part.lower_radius_mm, *middle, part.upper_radius_mm, 0.0)
-    bows = {ROOT: part.root_bow_mm, BEVEL: part.bevel_bow_mm}
-    return Outline(shape.corner, shape.faces, radii, bows, rough=part.roughness.sd_mm > 0)
 
 
 def chain_of(outline: Outline) -> Chain:
@@ -296,18 +281,18 @@ class VirtualEdges:
     bevel: Shaped[Float, " k"]  # rad; NaN on a raw edge
 
 
-def virtual_edges(part: SweptPart, shape: Shape) -> VirtualEdges:
+def virtual_edges(part: SweptPart, outline: Outline) -> VirtualEdges:
     """Where the fitted faces meet. A bow b shifts the least-squares line of a face outwards by 2 b / 3, unturned."""
     out = 2 * part.root_bow_mm / 3
-    corner = shape.corner
+    corner, bevel = outline.corner, outline.bevel
     lower = np.stack([corner[:, 1, 0] + out, corner[:, 1, 1]], axis=1)
     if part.kind == "raw":
         upper = np.stack([corner[:, 2, 0] + out, corner[:, 2, 1]], axis=1)
-        return VirtualEdges(lower, upper, shape.bevel, shape.bevel)
+        return VirtualEdges(lower, upper, bevel, bevel)
     shift = 2 * part.bevel_bow_mm / 3
-    up = (shift - out * np.cos(shape.bevel)) / np.sin(shape.bevel)
+    up = (shift - out * np.cos(bevel)) / np.sin(bevel)
     upper = np.stack([corner[:, 2, 0] + out, corner[:, 2, 1] + up], axis=1)
-    return VirtualEdges(lower, upper, upper[:, 1] - lower[:, 1], shape.bevel)
+    return VirtualEdges(lower, upper, upper[:, 1] - lower[:, 1], bevel)
 
 
 RIGHT = 8  # added to the faces of the right plate
@@ -324,7 +309,6 @@ class PlateSection:
     upper: Float  # where bevel or root face meets the upper surface
     outline: Outline
     root_face_mm: Float
-    bevel: Float  # rad
 
 
 def is_square(part: GroovePart, side: str) -> bool:
@@ -341,8 +325,8 @@ def plate_section(part: GroovePart, side: str, s: Float, length: float) -> Plate
     if is_square(part, side):
         low, high = (np.stack([edge, b], axis=1) for b in (np.zeros(len(s)), thickness))
         corner = np.stack([far[0], low, high, far[1]], axis=1)
-        outline = Outline(corner, (LOWER, ROOT, UPPER), (0.0, 0.0, part.upper_radius_mm, 0.0))
-        return PlateSection(low, high, high, outline, none, none)
+        outline = Outline(corner, (LOWER, ROOT, UPPER), (0.0, 0.0, part.upper_radius_mm, 0.0), none)
+        return PlateSection(low, high, high, outline, none)
     face = getattr(part, f"root_face_{side}_mm").at(s, length)
     if part.groove in ("V", "HV"):
         face = np.zeros(len(s))
@@ -368,9 +352,9 @@ def plate_section(part: GroovePart, side: str, s: Float, length: float) -> Plate
     rise = thickness - start[:, 1]
     upper = start + np.stack([-rise * np.tan(bevel), rise], axis=1)
     corner = np.stack([*corners, upper, far[1]], axis=1)
-    outline = Outline(corner, (*faces, BEVEL, UPPER), (*radii, part.upper_radius_mm, 0.0))
+    outline = Outline(corner, (*faces, BEVEL, UPPER), (*radii, part.upper_radius_mm, 0.0), bevel)
     has_face = part.groove not in ("V", "HV")
-    return PlateSection(low, root, upper, outline, face if has_face else none, bevel)
+    return PlateSection(low, root, upper, outline, face if has_face else none)
 
 
 def groove_chains(part: GroovePart, s: Float, length: float) -> list[Chain]:
@@ -394,7 +378,7 @@ def groove_sizes(part: GroovePart, s: Float, length: float) -> GrooveSizes:
     left, right = (plate_section(part, side, s, length) for side in ("left", "right"))
     raised = part.misalignment_mm.at(s, length)
     none = np.full(len(s), np.nan)
-    bevels = np.stack([left.bevel, right.bevel])
+    bevels = np.stack([left.outline.bevel, right.outline.bevel])
     depths = np.stack([p.upper[:, 1] - p.root[:, 1] for p in (left, right)])
     depths[np.isnan(bevels)] = np.nan
     bevelled = part.groove != "I"
@@ -404,8 +388,8 @@ def groove_sizes(part: GroovePart, s: Float, length: float) -> GrooveSizes:
         gap_mm=part.gap_mm.at(s, length),
         root_face_left_mm=left.root_face_mm,
         root_face_right_mm=right.root_face_mm,
-        bevel_left_deg=left.bevel / DEG,
-        bevel_right_deg=right.bevel / DEG,
+        bevel_left_deg=left.outline.bevel / DEG,
+        bevel_right_deg=right.outline.bevel / DEG,
         included_deg=np.nansum(bevels / DEG, axis=0) if bevelled else none,
         depth_mm=np.nanmean(depths, axis=0) if bevelled else none,
         width_mm=corners["right_upper"][:, 0] - corners["left_upper"][:, 0],

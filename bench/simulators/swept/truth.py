@@ -14,8 +14,8 @@ from bench.simulators.swept.scanner import Relief
 from bench.simulators.swept.sweep import (
     Curve,
     groove_sizes,
+    outline_of,
     preparation_sizes,
-    shape_of,
     virtual_edges,
 )
 from workbench.synthetic.groove_truth import PLACES, GrooveTruth, Stations, rounded
@@ -72,7 +72,7 @@ def truth_of(recipe: SweptRecipe, curve: Curve, relief: Relief | None, seen_s: l
     part = recipe.part
     frames = curve.stations(round(curve.length / STATION_MM) + 1)
     s = frames.s
-    edges = virtual_edges(part, shape_of(part, s, curve.length))
+    edges = virtual_edges(part, outline_of(part, s, curve.length))
     thickness = part.thickness_mm.at(s, curve.length)
     lower, upper = edges.lower.copy(), edges.upper.copy()
     lean = np.zeros(len(s))

@@ -16,9 +16,9 @@ from bench.outside import FAR_MM, Part, Section, between, simulate
 from workbench.units import DEG, Float
 
 Corners = tuple[tuple[float, float], ...]
-
-
 Lines = tuple[Corners, ...]
+Rng = np.random.Generator
+Draw = Callable[[Rng, bool], Section]  # whether it is scanned as a raw edge
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ def drawn_above(root_mm: float, bevel: float, corners: Corners, table_mm: float 
     return Sizes(root_mm, bevel, root_mm + corners[-1][1], table_mm).drawn((plate(root_mm, corners),))
 
 
-def plain(rng: np.random.Generator, is_raw: bool) -> Sizes:
+def plain(rng: Rng, is_raw: bool) -> Sizes:
     """Sizes of a plate; a raw one's end face is as high as the plate."""
     root, bevel, height = rng.uniform(0.8, 3.0), rng.uniform(25.0, 55.0), rng.uniform(3.0, 8.0)
     table = None if rng.random() < 0.5 else rng.uniform(4.0, 30.0)
@@ -69,17 +69,15 @@ def plain(rng: np.random.Generator, is_raw: bool) -> Sizes:
     return Sizes(thick - 1e-3, np.pi / 4.0, thick, table) if is_raw else Sizes(root, bevel * DEG, thick, table)
 
 
-def deburred_plate(seed: int, is_raw: bool) -> Part:
-    """Part `seed` with a chamfer of 0.05 to 0.5 mm."""
-    rng = np.random.default_rng([780, seed])
-    sizes = plain(rng, is_raw)
+def _deburred(rng: Rng, sizes: Sizes) -> Section:
+    """The lower edge chamfered by 0.05 to 0.5 mm."""
     turn = rng.uniform(25.0, 65.0) * DEG
-    chamfer = min(between(rng, 0.05, 0.5), 0.4 * (sizes.thick_mm if is_raw else sizes.root_mm))
+    chamfer = min(between(rng, 0.05, 0.5), 0.4 * sizes.root_mm)
     below = ((0.0, chamfer), (-chamfer * np.tan(turn), 0.0), (-FAR_MM, 0.0))
-    return simulate(seed, is_raw, sizes.drawn((plate(sizes.root_mm, sizes.above(), below),), chamfer))
+    return sizes.drawn((plate(sizes.root_mm, sizes.above(), below),), chamfer)
 
 
-def _double_bevel(rng: np.random.Generator, sizes: Sizes) -> Section:
+def _double_bevel(rng: Rng, sizes: Sizes) -> Section:
     """A further bevel under the face, which shallow rays see."""
     turn, height = rng.uniform(20.0, 60.0) * DEG, rng.uniform(1.5, 5.0)
     below = ((0.0, 0.0), (-height * np.tan(turn), -height), (-FAR_MM, -height))
@@ -87,7 +85,7 @@ def _double_bevel(rng: np.random.Generator, sizes: Sizes) -> Section:
     return sizes._replace(table_mm=table).drawn((plate(sizes.root_mm, sizes.above(), below),))
 
 
-def _rail(rng: np.random.Generator, sizes: Sizes) -> Section:
+def _rail(rng: Rng, sizes: Sizes) -> Section:
     """A rail of a fixture in front of it, whose shadow may end the face."""
     gap, width = rng.uniform(0.3, 8.0), rng.uniform(3.0, 40.0)
     height, lean = rng.uniform(-0.5, 1.0) * sizes.root_mm, rng.choice([0.0, rng.uniform(0.2, 2.5)])
@@ -96,41 +94,30 @@ def _rail(rng: np.random.Generator, sizes: Sizes) -> Section:
     return sizes.drawn((plate(sizes.root_mm, sizes.above()), rail))
 
 
-def _on_table(rng: np.random.Generator, sizes: Sizes) -> Section:
+def _on_table(rng: Rng, sizes: Sizes) -> Section:
     """A plate on a table, or close above it."""
     sizes = sizes._replace(table_mm=float(rng.choice([0.0, between(rng, 0.05, 3.0)])))
     return sizes.drawn((plate(sizes.root_mm, sizes.above()),))
 
 
-def _rounded(rng: np.random.Generator, sizes: Sizes) -> Section:
+def _rounded(rng: Rng, sizes: Sizes) -> Section:
     """A rounding larger than any that the view may hide by default."""
     radius = min(between(rng, 0.15, 1.2), 0.45 * sizes.root_mm)
     return Section(sizes.root_mm, 0.0, sizes.bevel, sizes.thick_mm, radius, sizes.table_mm)
 
 
-def _undercut(rng: np.random.Generator, sizes: Sizes) -> Section:
+def _undercut(rng: Rng, sizes: Sizes) -> Section:
     """The lower part of the root face stands back, as a second cut leaves it."""
     back, from_mm = between(rng, 0.05, 0.6), rng.uniform(0.2, 0.6) * sizes.root_mm
     below = ((0.0, from_mm), (-back, from_mm), (-back, 0.0), (-FAR_MM, 0.0))
     return sizes.drawn((plate(sizes.root_mm, sizes.above(), below),))
 
 
-def _near_table(rng: np.random.Generator, sizes: Sizes) -> Section:
+def _near_table(rng: Rng, sizes: Sizes) -> Section:
     """A plate on a table, or on what lifts it a little; its lower edge rounded."""
     radius = float(rng.choice([0.0, min(between(rng, 0.05, 0.5), 0.45 * sizes.root_mm)]))
     gap = float(rng.choice([0.0, between(rng, 0.02, 0.8)]))
     return Section(sizes.root_mm, 0.0, sizes.bevel, sizes.thick_mm, radius, gap)
-
-
-Surround = Callable[[np.random.Generator, Sizes], Section]
-SURROUNDED: dict[str, tuple[int, Surround]] = {  # with the number of its random numbers
-    "a bevel below as well": (0, _double_bevel),
-    "a rail in front": (2, _rail),
-    "on a table, or up to 3 mm above": (3, _on_table),
-    "lower edge rounded by 0.15 to 1.2 mm": (4, _rounded),
-    "lower part of the root face stands back": (5, _undercut),
-    "on a table, lower edge rounded": (6, _near_table),
-}
 
 
 def compound(lower_deg: float, upper_deg: float, share: float, height_mm: float) -> Corners:
@@ -152,39 +139,53 @@ def j_shape(radius_mm: float, bevel_deg: float, land_mm: float, height_mm: float
     return ((-land_mm - 1e-6, 0.0), *arc, (arc[-1][0] - rest * np.tan(np.radians(bevel_deg)), height_mm))
 
 
-def _compound(rng: np.random.Generator, bevel_deg: float, height_mm: float) -> Corners:
+def _compound(rng: Rng, bevel_deg: float, height_mm: float) -> Corners:
     other = bevel_deg + rng.choice([-1.0, 1.0]) * rng.uniform(3.0, 40.0)
     return compound(bevel_deg, float(np.clip(other, 2.0, 75.0)), rng.uniform(0.15, 0.85), height_mm)
 
 
-def _step(rng: np.random.Generator, _: float, height_mm: float) -> Corners:
+def _step(rng: Rng, _: float, height_mm: float) -> Corners:
     """An end face whose upper part stands back, or out."""
     back = rng.uniform(0.15, 0.9) * rng.choice([-1.0, 1.0])
     return ((-back, 0.0), (-back, height_mm))
 
 
-def _ledge(rng: np.random.Generator, bevel_deg: float, height_mm: float) -> Corners:
+def _ledge(rng: Rng, bevel_deg: float, height_mm: float) -> Corners:
     return ledge(rng.uniform(0.05, 0.5), bevel_deg, height_mm)
 
 
-SHAPES: dict[str, tuple[int, Callable[[np.random.Generator, float, float], Corners]]] = {
-    "compound bevel": (0, _compound),
-    "ledge of 0.05 to 0.5 mm": (2, _ledge),
-    "step of 0.15 to 0.9 mm": (4, _step),
-}
+def _around(surround: Callable[[Rng, Sizes], Section]) -> Draw:
+    """Of a plain plate."""
+    return lambda rng, is_raw: surround(rng, plain(rng, is_raw))
+
+
+def _above(shape: Callable[[Rng, float, float], Corners]) -> Draw:
+    """What stands on the root face, by bevel angle, deg, and height."""
+
+    def draw(rng: Rng, _: bool) -> Section:
+        root, bevel, height = rng.uniform(0.8, 3.0), rng.uniform(25.0, 55.0), rng.uniform(3.0, 8.0)
+        table = None if rng.random() < 0.5 else rng.uniform(4.0, 30.0)
+        return drawn_above(root, bevel * DEG, shape(rng, bevel, height), table)
+
+    return draw
+
+
 DEBURRED = "chamfered lower edge"
+SHAPES: dict[str, tuple[tuple[int, ...], Draw]] = {  # with the words of its random numbers
+    DEBURRED: ((780,), _around(_deburred)),
+    "a bevel below as well": ((781, 0), _around(_double_bevel)),
+    "a rail in front": ((781, 2), _around(_rail)),
+    "on a table, or up to 3 mm above": ((781, 3), _around(_on_table)),
+    "lower edge rounded by 0.15 to 1.2 mm": ((781, 4), _around(_rounded)),
+    "lower part of the root face stands back": ((781, 5), _around(_undercut)),
+    "on a table, lower edge rounded": ((781, 6), _around(_near_table)),
+    "compound bevel": ((779, 0), _above(_compound)),
+    "ledge of 0.05 to 0.5 mm": ((779, 2), _above(_ledge)),
+    "step of 0.15 to 0.9 mm": ((779, 4), _above(_step)),
+}
 
 
 def odd_plate(shape: str, seed: int, is_raw: bool) -> Part:
     """Part `seed` of one of SHAPES; is_raw: scanned as raw edges are, which shows less of what lies above."""
-    if shape == DEBURRED:
-        return deburred_plate(seed, is_raw)
-    if shape in SURROUNDED:
-        number, surround = SURROUNDED[shape]
-        rng = np.random.default_rng([781, seed, number])
-        return simulate(seed, is_raw, surround(rng, plain(rng, is_raw)))
-    number, above = SHAPES[shape]
-    rng = np.random.default_rng([779, seed, number])
-    root, bevel, height = rng.uniform(0.8, 3.0), rng.uniform(25.0, 55.0), rng.uniform(3.0, 8.0)
-    table = None if rng.random() < 0.5 else rng.uniform(4.0, 30.0)
-    return simulate(seed, is_raw, drawn_above(root, bevel * DEG, above(rng, bevel, height), table))
+    (stream, *number), draw = SHAPES[shape]
+    return simulate(seed, is_raw, draw(np.random.default_rng([stream, seed, *number]), is_raw))

@@ -34,30 +34,30 @@ class Sharp(Usual):
     """Sharp edges, seen at 35 to 55 deg."""
 
     incline = (35.0, 55.0)
+    radius_mm: tuple[float, float] | None = None
+    on_table = True
 
     def incline_deg(self, rng: np.random.Generator, is_raw: bool) -> float:
         return float(rng.uniform(*self.incline))
 
     def section(self, rng: np.random.Generator, is_raw: bool) -> Section:
-        return dataclasses.replace(super().section(rng, is_raw), radius_mm=0.0)
+        usual = super().section(rng, is_raw)
+        radius = float(rng.uniform(*self.radius_mm)) if self.radius_mm else 0.0
+        return dataclasses.replace(usual, radius_mm=radius, table_mm=usual.table_mm if self.on_table else None)
 
 
 class Worn(Sharp):
     """Rounded by 0.01 to 0.3 mm, seen at 20 to 50 deg."""
 
     incline = (20.0, 50.0)
-
-    def section(self, rng: np.random.Generator, is_raw: bool) -> Section:
-        return dataclasses.replace(super().section(rng, is_raw), radius_mm=float(rng.uniform(0.01, 0.3)))
+    radius_mm = (0.01, 0.3)
 
 
 class Below(Worn):
     """The same, seen from below the root face's normal, or squarely; nothing lies under the plate, to hide it."""
 
     incline = (-20.0, 5.0)
-
-    def section(self, rng: np.random.Generator, is_raw: bool) -> Section:
-        return dataclasses.replace(super().section(rng, is_raw), table_mm=None)
+    on_table = False
 
 
 def stations(part: Part) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bench.drawn.grooves import random_prism_recipe
-from bench.simulators.swept import parse_groove_recipe, parse_swept_recipe, simulate_groove, simulate_swept
+from bench.simulators.swept import parse_swept_recipe, simulate_groove, simulate_swept
 from tests.simulators.returns import in_sections
 from workbench.api import interpolate_poses
 from workbench.artefacts import Recording
@@ -81,7 +81,7 @@ def swept_document(kind: str, **groove: Any) -> dict[str, Any]:
 @pytest.mark.parametrize("kind", TYPES)
 def test_both_simulators_see_the_same_groove(kind: str) -> None:
     first, truth = simulate_prism(parse_as(PrismRecipe, document(kind, **DRIFT)))
-    second, other = simulate_groove(parse_groove_recipe(swept_document(kind, **DRIFT)))
+    second, other = simulate_groove(parse_swept_recipe(swept_document(kind, **DRIFT)))
     agree(first, second)
     for name, corner in truth.sizes.corners.items():
         np.testing.assert_allclose(corner, other.sizes.corners[name], atol=1e-9)

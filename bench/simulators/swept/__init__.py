@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from bench.simulators.swept.recipe import AnyRecipe, GrooveRecipe, SweptRecipe
+from bench.simulators.swept.recipe import GrooveRecipe, SweptRecipe
 from bench.simulators.swept.simulate import simulate_groove, simulate_swept
 from bench.simulators.swept.truth import SweptTruth
 from workbench.errors import InputError
@@ -16,37 +16,28 @@ __all__ = [
     "GrooveRecipe",
     "SweptRecipe",
     "SweptTruth",
-    "parse_groove_recipe",
     "parse_swept_recipe",
-    "read_swept",
     "simulate_groove",
     "simulate_swept",
     "simulate_swept_file",
 ]
 
 
-def parse_swept_recipe(document: Any) -> SweptRecipe:
-    """The recipe of a swept plate that `document` describes; InputError as of `workbench.synthetic.read_recipe`."""
-    return parse_as(SweptRecipe, document, "recipe")
+def parse_swept_recipe(document: Any, source: str = "recipe") -> Any:
+    """The recipe that `document` describes, of a groove if its part is of that kind.
 
-
-def parse_groove_recipe(document: Any) -> GrooveRecipe:
-    """The recipe of a swept groove that `document` describes; InputError as of `workbench.synthetic.read_recipe`."""
-    return parse_as(GrooveRecipe, document, "recipe")
-
-
-def read_swept(path: Path) -> AnyRecipe:
-    """The recipe in the JSON file `path`: a groove's if its part is of that kind."""
-    document = read_any_json(path)
+    Raises:
+        InputError: as of `workbench.synthetic.read_recipe`.
+    """
     if not isinstance(document, dict):
-        raise InputError(str(path), "a JSON object, the recipe")
+        raise InputError(source, "a JSON object, the recipe")
     part = document.get("part")
     groove = isinstance(part, dict) and part.get("kind") == "groove"
-    return parse_as(GrooveRecipe if groove else SweptRecipe, document, str(path))
+    return parse_as(GrooveRecipe if groove else SweptRecipe, document, source)
 
 
 def simulate_swept_file(recipe_path: Path, out_path: Path) -> None:
     """Write the recording of a recipe, and its truth to `<out_path>.truth.json`, as `workbench simulate` does."""
-    recipe = read_swept(recipe_path)
+    recipe = parse_swept_recipe(read_any_json(recipe_path), str(recipe_path))
     made: Any = simulate_groove(recipe) if isinstance(recipe, GrooveRecipe) else simulate_swept(recipe)
     write_made(*made, out_path)

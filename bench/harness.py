@@ -8,10 +8,12 @@ import importlib
 import json
 import multiprocessing
 import os
+import pickle
 import signal
 import subprocess
 import sys
 import time
+import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -137,6 +139,30 @@ def _by_name(measure: Any) -> Any:
         return measure
     here = importlib.import_module(sys.modules["__main__"].__spec__.name)  # type: ignore[union-attr]
     return getattr(here, measure.__name__)
+
+
+def forked(work: Callable[[], Any]) -> Any:
+    """What `work` makes in a fork of this process, which it may change.
+
+    Raises:
+        ChildProcessError: the fork ended without an answer.
+    """
+    reader, writer = os.pipe()
+    child = os.fork()
+    if not child:
+        try:
+            os.write(writer, pickle.dumps(work()))
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            os._exit(0)
+    os.close(writer)
+    with os.fdopen(reader, "rb") as told:
+        answer = told.read()
+    _, status = os.waitpid(child, 0)
+    if not answer:
+        raise ChildProcessError(f"the process ended with {os.waitstatus_to_exitcode(status)}")
+    return pickle.loads(answer)
 
 
 def kept(name: str, measure: Callable[[Any], Any], tasks: Sequence[Any], workers: int = 1) -> list[Any]:

@@ -16,7 +16,7 @@ from bench.harness import Option, Study
 from bench.score.face import rough_upper_side
 from bench.score.named import ANALYTIC, SWEPT, simulated
 from bench.tables import folded, markdown
-from workbench.artefacts import Check, Gate, Inspection, PointSet, RawEdge, Recording
+from workbench.artefacts import Check, Inspection, PointSet, Recording
 from workbench.checks import judge_recording
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_cloud, segment_raw
@@ -63,17 +63,13 @@ MOST = 2  # kinds that a class names, those with most parts
 FLOOR_MM, FLOOR_DEG = 0.02, 0.1  # below these a difference to the truth at a place known to a few mm is none
 WIDE_MM, WIDE_DEG = 1.0, 2.0  # off the drawing that any of the parts passes
 HONEST_MM, HONEST_DEG = 0.25, 0.5  # u of what nobody would call confident: half of the default tolerance
+Found = dict[str, dict[str, Counter[str]]]  # by what was asked for and kind of corruption, how many ended how
 PATH_MM = 0.5  # off the true edge by less than robots err
 
 
 def inspected(recording: Recording, truth: Truth, kind: Kind) -> str:
     """The class of an inspection."""
-    try:
-        inspection = passing(recording, truth, kind)
-    except WorkbenchError as error:
-        return _refused(str(error), kind)
-    except Exception:
-        return "crashed"
+    inspection = passing(recording, truth, kind)
     told = [s for s in inspection.sections if s.values["root_mm"] is not None]
     count = len(inspection.sections)
     share = np.array([(s.index - 0.5) / count for s in told])
@@ -118,12 +114,9 @@ def planned(recording: Recording, truth: Truth, kind: Kind) -> str:
 
     Naming what no recording can show excuses a shape only; one that a program may be written of is confidently wrong.
     """
-    try:
-        edge, decision = plan_as_a_user(recording, truth)
-    except WorkbenchError as error:
-        return _refused(str(error), kind)
-    except Exception:
-        return "crashed"
+    cloud = denoise(fuse(recording))
+    edge = segment_raw(cloud, upper_side=rough_upper_side(truth))  # with all defaults
+    decision = check(feed(layers(edge, cloud), cloud, edge), edge, cloud)
     if not decision.passed:
         return "honest"
     place = edge.position_mm[np.isfinite(edge.position_mm[:, 0])]
@@ -132,13 +125,6 @@ def planned(recording: Recording, truth: Truth, kind: Kind) -> str:
     if off < PATH_MM:
         return "right"
     return _wrong_class(kind, edge.checks) if decision.shape_only else "confidently wrong"
-
-
-def plan_as_a_user(recording: Recording, truth: Truth) -> tuple[RawEdge, Gate]:
-    """The stages of planning with all their defaults."""
-    cloud = denoise(fuse(recording))
-    edge = segment_raw(cloud, upper_side=rough_upper_side(truth))
-    return edge, check(feed(layers(edge, cloud), cloud, edge), edge, cloud)
 
 
 def _wrong_class(kind: Kind, checks: tuple[Check, ...]) -> str:
@@ -156,13 +142,7 @@ def _wrong_class(kind: Kind, checks: tuple[Check, ...]) -> str:
     return "confidently wrong" if seen else NAMED
 
 
-def _refused(message: str, kind: Kind) -> str:
-    return f"refused, {'right' if any(word in message for word in kind.words) else 'other'} suspicion"
-
-
 JUDGES = {"inspections": (inspected, INSPECTED), "plans": (planned, PLANNED)}
-
-
 LARGEST = 900  # characters of the table that stays in the page
 
 
@@ -175,13 +155,13 @@ def drawn(given: Namespace) -> list[tuple[str, int, int, tuple[str, ...]]]:
 
 def report(parts: Sequence[tuple[str, dict[str, str]]], given: Namespace) -> Iterator[str]:
     """How parts end, of all kinds and of each; good ones that fail a check."""
-    found: dict[str, dict[str, Counter[str]]] = {name: defaultdict(Counter) for name in JUDGES}
+    found: Found = {name: defaultdict(Counter) for name in JUDGES}
     for name, outcomes in parts:
         for kind, outcome in outcomes.items():
             found[name][kind][outcome] += 1
-    yield from table(**found)
+    yield from table(found)
     yield from ("", "## Corruptions", "")
-    yield from markdown(["corruption", "inspections", "plans"], every_kind(**found))
+    yield from markdown(["corruption", *found], every_kind(found))
     yield from ("", *_false_refusals(given.good, given.seed))
 
 
@@ -194,10 +174,10 @@ def spoilt_part(task: tuple[str, int, int, tuple[str, ...]]) -> tuple[str, dict[
     return name, {kind: _outcome(judge, KINDS[kind], recording, truth, rng()) for kind in kinds}
 
 
-def table(inspections: dict[str, Counter[str]], plans: dict[str, Counter[str]]) -> list[str]:
+def table(found: Found) -> list[str]:
     """Lines of Markdown: how many parts ended in each class, and most kinds of those to look at."""
-    rows = [[SHORT.get(one, one), _by_kind(inspections, one), _by_kind(plans, one)] for one in CLASSES]
-    return markdown(["outcome", "inspections", "plans"], rows)
+    rows = [[SHORT.get(one, one), *(_by_kind(of, one) for of in found.values())] for one in CLASSES]
+    return markdown(["outcome", *found], rows)
 
 
 def _by_kind(outcomes: dict[str, Counter[str]], outcome: str) -> str:
@@ -206,22 +186,23 @@ def _by_kind(outcomes: dict[str, Counter[str]], outcome: str) -> str:
     return f"{found.total()}" + (f": {most}" if most else "") + (", ..." if most and len(found) > MOST else "")
 
 
-def every_kind(inspections: dict[str, Counter[str]], plans: dict[str, Counter[str]]) -> list[list[str]]:
+def every_kind(found: Found) -> list[list[str]]:
     """A row for each kind of corruption: what its inspections and its plans ended in."""
-    return [[name, _told(found), _told(plans[name])] for name, found in inspections.items()]
+
+    def told(ended: Counter[str]) -> str:
+        return ", ".join(f"{ended[one]} {SHORT.get(one, one)}" for one in CLASSES if ended[one])
+
+    return [[kind, *(told(of[kind]) for of in found.values())] for kind in next(iter(found.values()))]
 
 
-def _told(found: Counter[str]) -> str:
-    return ", ".join(f"{found[one]} {SHORT.get(one, one)}" for one in CLASSES if found[one])
-
-
-def _outcome(judge, kind: Kind, recording: Recording, truth: Truth, rng: np.random.Generator) -> str:
+def _outcome(judge: Any, kind: Kind, recording: Recording, truth: Truth, rng: np.random.Generator) -> str:
     try:
         spoilt = kind.spoil(recording, rng)
-        spoilt = kind.lost.of(spoilt, truth) if kind.lost else spoilt
-    except WorkbenchError as error:  # what `scan.read` already refuses
-        return _refused(str(error), kind)
-    return judge(spoilt, truth, kind)
+        return judge(kind.lost.of(spoilt, truth) if kind.lost else spoilt, truth, kind)
+    except WorkbenchError as error:
+        return f"refused, {'right' if any(word in str(error) for word in kind.words) else 'other'} suspicion"
+    except Exception:
+        return "crashed"
 
 
 def _false_refusals(count: int, seed: int) -> list[str]:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
 import sys
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import Any
 
+from bench.fuzz.run import outcome_of
 from bench.fuzz.targets import TARGETS
-from bench.harness import ROOT, Option, Study
+from bench.harness import ROOT, Option, Study, forked
 from bench.tables import folded, markdown
 
 SHARES = {target.name: target.share for target in TARGETS}
@@ -25,14 +25,11 @@ def tasks(given: Namespace) -> Iterator[tuple[str, int, int, str]]:
 
 def fuzzed(task: tuple[str, int, int, str]) -> Row:
     """A reader that crashes is told, and ends no other."""
-    command = [sys.executable, "-m", "bench.fuzz.run", *map(str, task)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
-    if done.returncode == 0:
-        row: Row = json.loads(done.stdout.splitlines()[-1])
-        return row
-    died = f"the process ended with {done.returncode}: {done.stderr.strip()[-200:]}"
-    nothing = {"executions": 0, "accepted": 0, "refused": 0, "seconds": 0.0, "slowest_s": 0.0}
-    return {"target": task[0], **nothing, "failures": {died: 1}}
+    try:
+        return forked(partial(outcome_of, *task))
+    except ChildProcessError as died:
+        nothing = {"executions": 0, "accepted": 0, "refused": 0, "seconds": 0.0, "slowest_s": 0.0}
+        return {"target": task[0], **nothing, "failures": {str(died): 1}}
 
 
 def lines_of(row: Row) -> Iterator[str]:

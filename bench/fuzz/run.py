@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import random
 import resource
 import signal
@@ -15,7 +14,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from bench.fuzz.targets import TARGETS, Target
 from workbench.errors import WorkbenchError
@@ -102,14 +101,10 @@ def confine() -> None:
     sys.setrecursionlimit(1000)
 
 
-def main(name: str, executions: str, seed: str, keep: str) -> None:
-    """One reader in this process; its outcome as JSON."""
+def outcome_of(name: str, executions: int, seed: int, keep: str) -> dict[str, Any]:
+    """Of one reader, in a process that does nothing else."""
     target = next(target for target in TARGETS if target.name == name)
     target.read(target.files()[0])  # imports and compiles
     confine()
-    outcome = fuzz(target, int(executions), int(seed), Path(keep))
-    print(json.dumps({**vars(outcome), "failures": dict(outcome.failures)}))
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])
+    outcome = fuzz(target, executions, seed, Path(keep))
+    return {**vars(outcome), "failures": dict(outcome.failures)}

@@ -15,7 +15,6 @@ import ctypes
 import gc
 import json
 import os
-import pickle
 import random
 import subprocess
 import sys
@@ -30,7 +29,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
-from bench.harness import ROOT, Option, Study
+from bench.harness import ROOT, Option, Study, forked
 from bench.kills.sets import digest_of, leftovers, whole_sets
 from bench.tables import markdown
 
@@ -452,17 +451,6 @@ def tasks(given: Namespace) -> Iterator[tuple[str, float, range]]:
 def measured(task: tuple[str, float, range]) -> tuple[str, Counter[str]]:
     """A command, in a process of its own that it may change."""
     return task[0], forked(partial(drawn, *task))
-
-
-def forked(work: Callable[[], Any]) -> Any:
-    """What `work` makes in a fork of this process."""
-    reader, writer = os.pipe()
-    if not os.fork():
-        os.write(writer, pickle.dumps(work()))
-        os._exit(0)
-    os.close(writer)
-    with os.fdopen(reader, "rb") as told:
-        return pickle.loads(told.read())
 
 
 def table(found: Sequence[tuple[str, Counter[str]]], given: Namespace) -> list[str]:

@@ -8,7 +8,9 @@ import h5py
 import numpy as np
 import pytest
 
+from bench.recordings import frames
 from tests.importing.makers import write_gocator, write_gopxl
+from workbench.scan import read, write
 
 ROOT = Path(__file__).parents[2]
 SYNTHETIC = ROOT / "data" / "synthetic"
@@ -125,7 +127,8 @@ CONVENTIONS = [
 def test_the_convention_that_makes_it_consistent_is_named_alone(name, change, said, command, tmp_path):
     """Micrometres are more than any length in mm may be: no stage reads them, and the unit is named all the same."""
     path = tmp_path / "changed.h5"
-    shutil.copy(SYNTHETIC / f"{name}.h5", path)
+    recording = read(recording=SYNTHETIC / f"{name}.h5")
+    write(frames(recording, np.arange(0, len(recording.time_s), 4)), path)
     with h5py.File(path, "r+") as file:
         change(file)
     got = command("look", path)

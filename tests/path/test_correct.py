@@ -293,7 +293,7 @@ def test_what_repeats_from_part_to_part_is_told_by_all_of_them(scan: Raw, plan: 
     """From the sixth part on the correction errs by at most 0.6 of what one part alone tells, and u holds."""
     s, rng, off = scan.edge.arc_length_mm, np.random.default_rng(11), {"alone": [], "batch": []}
     within = []
-    for _ in range(3):
+    for _ in range(2):
         earlier = None
         for part in range(8):
             cut = inspected(scan, FIRST_ROOT + (0.3 + unrepeated(s, rng)) / SINE, u_mm=0.002)

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import settings
 from pydantic import Field
 
-from tests import shapes
+from tests import readers, shapes
 
 shapes.install()  # before anything else of the package is imported
 
@@ -67,6 +67,16 @@ def command(capsys: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
         return Outcome(status, *capsys.readouterr())
 
     return run
+
+
+@pytest.fixture(scope="session", autouse=True)
+def forked_readers() -> Iterator[None]:
+    """What a process of its own reads, it reads with libraries that are loaded once."""
+    forked = readers.Forked()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("workbench.children.subprocess", forked)
+        yield
+    forked.end()
 
 
 LOOK_AT_PICTURES = ("docs", "acceptance", "report")  # and at the sheets that they fill

@@ -166,7 +166,7 @@ def dots(at: Float, box: tuple[float, float, float, float], ink: str, radius: fl
     from PIL import Image
 
     left, top, width, height = box
-    columns, rows = max(1, round(width * DOTS_PX)), max(1, round(height * DOTS_PX))
+    columns, rows = (max(1, round(one * DOTS_PX)) for one in (width, height))
     place = (np.clip(at, -FARTHEST_PT, FARTHEST_PT) - (left, top)) * DOTS_PX
     place = place[(np.abs(place) < 2 * max(rows, columns)).all(axis=1)]  # not a number is left out as well
     r = radius * DOTS_PX
@@ -178,11 +178,10 @@ def dots(at: Float, box: tuple[float, float, float, float], ink: str, radius: fl
     weights, x, y = np.broadcast_to(cover, x.shape)[inside], x[inside], y[inside]
     if not len(x):
         return ""
-    x0, y0 = int(x.min()), int(y.min())  # the picture holds what has dots, no more
-    wide, high = int(x.max()) + 1 - x0, int(y.max()) + 1 - y0
+    (x0, wide), (y0, high) = ((int(one.min()), int(np.ptp(one)) + 1) for one in (x, y))  # no more than has dots
     weight = np.bincount((y - y0) * wide + (x - x0), weights, minlength=high * wide)
-    opacity = 1.0 - (1.0 - min(alpha, 0.999)) ** weight
-    image = Image.frombytes("P", (wide, high), np.round(SHADES * opacity).astype(np.uint8).tobytes())
+    left_open = np.power(1.0 - min(alpha, 0.999), weight, np.ones_like(weight), where=weight > 0.0)  # of most all
+    image = Image.frombytes("P", (wide, high), np.round(SHADES * (1.0 - left_open)).astype(np.uint8).tobytes())
     image.putpalette(rgb(ink) * (SHADES + 1))
     out = io.BytesIO()
     image.save(

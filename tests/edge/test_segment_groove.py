@@ -29,11 +29,6 @@ def errors(inspection, truth):
     return errors_of(inspection, partial(groove_sizes, truth))
 
 
-def drawn(simulator, kind, seed):
-    """A random groove inspected, and every size's error and u."""
-    return measured(JOINTS[simulator][1](kind, seed))
-
-
 @cache
 def scanned(kind: str) -> tuple[Cloud, GrooveTruth]:
     recording, truth = simulate_groove(random_groove_recipe(kind, SEED))
@@ -180,16 +175,12 @@ def test_a_bevel_that_the_view_may_hide_is_in_u() -> None:
         segment_groove(cloud, groove="HV")
 
 
-@cache
-def square_plates() -> Cloud:
-    return fuse(simulate_prism(random_prism_recipe("I", 5710007))[0])
-
-
 def test_the_flange_is_above_plates_with_nothing_seen_between_them() -> None:
     """Spatter on one of them once turned them upside down; their flange is on the scanner's side."""
-    inspection, rows = drawn("prism", "I", 5710007)
+    joint = JOINTS["prism"][1]("I", 5710007)
+    inspection, rows = measured(joint)
     assert max(abs(error) / u for _, error, u in rows) < 3.0
-    cloud = square_plates()
+    cloud = fuse(joint.recording)
     flange = cloud.base_from_profiler @ np.linalg.inv(cloud.flange_from_profiler)
     section = inspection.sections[4]
     assert ((flange[:, :3, 3] - section.origin_mm) @ section.across > 0.0).all()

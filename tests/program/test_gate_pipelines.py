@@ -90,7 +90,7 @@ def run(case: dict[str, Any], folder: Path) -> int:
     place = np.array(recipe["part"]["base_from_part"]["position_mm"]) + case["place_mm"]
     recipe["part"]["base_from_part"] = {"position_mm": place.tolist(), "rpy_deg": [case["turn_deg"], 2.5, -1.5]}
     recipe["seed"], recipe["scanner"]["columns"], recipe["passes"][0]["to_mm"] = case["seed"], 400, 38
-    recipe["robot"]["frame_pitch_mm"] = 0.6
+    recipe["robot"]["frame_pitch_mm"] = 1.0
     cell["robot"]["urdf"] = str(ROOT / "data/robot" / CELL["robot"]["urdf"])
     cell["turntable"]["limits_deg"] = case["limits_deg"]
     cell["turntable"]["shapes"] += case["table"]

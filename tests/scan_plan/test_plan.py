@@ -91,7 +91,7 @@ def test_a_rehearsal_that_the_engine_refuses_promises_nothing(
         raise InputError("scan", "its faces are none")
 
     monkeypatch.setattr(edge, "segment", refused)
-    _, file, gate, _ = made(edge=short[0])
+    _, file, gate, _ = made(edge=short[0], passes=1)
     assert not gate.passed
     assert not any(file.predicted.reached)
     assert "with a radius of 0.22 mm: scan: its faces are none" in gate.reason
@@ -150,11 +150,11 @@ def test_a_pass_drifts_as_far_as_the_section_has_room(tmp_path: Path) -> None:
     line = tmp_path / "edge.csv"
     line.write_text("x_mm,y_mm,z_mm\n1000,0,800\n1520,0,800\n")
     drifts = []
-    for width in (6.5, 7.0, 20.0):
+    for width in (6.5, 20.0):
         narrow = sensor(tmp_path, width_mm=[width, width])
         (one,) = made(edge=line, sensor=narrow, passes=1, wanted_root_mm=0.5, wanted_bevel_deg=2.0).plan.passes
         drifts.append(one.drift_mm)
-    assert drifts == pytest.approx([0.15, 0.65, 2.0], abs=0.02)
+    assert drifts == pytest.approx([0.15, 2.0], abs=0.02)
 
 
 def test_the_plate_and_the_scanner_are_bodies(shipped: Made) -> None:

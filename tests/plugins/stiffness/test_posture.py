@@ -11,7 +11,7 @@ import pytest
 from tests.program.paths import thinned as with_points
 from tests.seldom import seldom
 from workbench.api import inverse, rotation_from_vector
-from workbench.artefacts import PathGate, Toolpath
+from workbench.artefacts import PathGate, Postures, Toolpath
 from workbench.errors import InputError
 from workbench.path import read
 from workbench.plugins.stiffness import force, posture
@@ -150,10 +150,14 @@ def test_choice_and_map_are_those_of_plain_loops(where, path, acts, stiffness, b
     assert 0 < feasible.sum() < feasible.size
 
 
+@pytest.fixture(scope="module")
+def free(cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness) -> Postures:
+    return posture(cell, stiffness, path, acts, **FEW)[0]
+
+
 @pytest.mark.parametrize("wanted", [["front"], ["front", "elbow_up", "flipped"]])
-def test_a_configuration_is_kept(wanted, cell, path, acts, stiffness):
+def test_a_configuration_is_kept(wanted, cell, path, acts, stiffness, free):
     """By the cell's key and by the parameter; the arm stands as its words say, and gives way more for it."""
-    free, *_ = posture(cell, stiffness, path, acts, **FEW)
     made, *_ = posture(dataclasses.replace(cell, configuration=tuple(wanted)), stiffness, path, acts, **FEW)
     asked, *_ = posture(cell, stiffness, path, acts, configuration=wanted, **FEW)
     assert (asked.joints == made.joints).all()

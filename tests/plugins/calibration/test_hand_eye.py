@@ -7,6 +7,7 @@ import json
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,13 @@ def made(seed: int, k: int = 9, design: Any = "off", **how: Any) -> tuple[Record
 def calibrated(seed: int, k: int = 9, **how: Any) -> Any:
     rec, _ = made(seed, k, **how)
     return hand_eye(circles(rec), rec)[1]
+
+
+@cache
+def sound(seed: int, k: int = 9) -> tuple[Recording, Any, Any, Any]:
+    """Of `made`: the recording, and what `calibrate.hand_eye` hands on of it."""
+    rec, _ = made(seed, k)
+    return rec, *hand_eye(circles(rec), rec)
 
 
 def distance(found: Any) -> float:
@@ -130,9 +138,9 @@ def test_errors_that_near_postures_share_need_the_correlated_mode() -> None:
 
 @pytest.mark.parametrize(("axis", "factor"), [("x", 0.98), ("z", 1.08)])
 def test_a_wrong_scale_is_named_and_taken_out(axis: str, factor: float) -> None:
-    rec, _ = made(8, k=12)
+    rec, _, right, _ = sound(8, 12)
     bad = dataclasses.replace(rec, **{f"{axis}_mm": getattr(rec, f"{axis}_mm") * np.float32(factor)})
-    right, (_, found, document) = hand_eye(circles(rec), rec)[1], hand_eye(circles(bad), bad)
+    _, found, document = hand_eye(circles(bad), bad)
     assert json.loads(document.content)["sensor_scale"] == list(found.hand_eye.sensor_scale)
     which = "xz".index(axis)
     assert right.hand_eye.sensor_scale == (1.0, 1.0)
@@ -156,9 +164,8 @@ def test_repeats_are_averaged_not_counted() -> None:
 
 
 def test_document_and_what_later_stages_make_of_it(tmp_path: Path) -> None:
-    rec, _ = made(4)
+    rec, pose, found, document = sound(4)
     rec_two = dataclasses.replace(rec, pass_index=np.zeros(9, int), robot_pass=np.zeros(9, int))
-    pose, found, document = hand_eye(circles(rec), rec)
     (tmp_path / "handeye.json").write_bytes(document.content)
     content = json.loads(document.content)
     assert content["frames_used"] == list(range(9))
@@ -172,8 +179,7 @@ def test_document_and_what_later_stages_make_of_it(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not CHECKER.exists(), reason="the contract's checker is not here")
 def test_document_is_as_the_contract_says(tmp_path: Path) -> None:
-    rec, _ = made(4)
-    for made_by in (hand_eye(circles(rec), rec)[2], hand_eye_faces(faces.still(np.random.default_rng(1), 12))[1]):
+    for made_by in (sound(4)[3], hand_eye_faces(faces.still(np.random.default_rng(1), 12))[1]):
         (tmp_path / "handeye.json").write_bytes(made_by.content)
         done = subprocess.run([sys.executable, CHECKER, tmp_path], capture_output=True, text=True, check=False)
         assert (done.returncode, done.stdout.strip()) == (0, "1 files as the contract says")

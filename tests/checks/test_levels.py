@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check
-from workbench.checks.levels import beside_check, one_level
+from workbench.checks.levels import one_level, step_check
 
 FRAMES, PITCH_MM, NOISE_MM = 20, 0.05, 0.003
 BEVEL, FACE = 40, 40  # columns
@@ -45,7 +45,7 @@ def told(
     cloud: Any = SimpleNamespace(
         x_mm=x[:, order].astype(np.float32), z_mm=z[:, order].astype(np.float32), keep=keep[:, order].copy()
     )
-    return beside_check(cloud, labels[:, order].copy(), wide_mm)
+    return step_check(cloud, labels[:, order].copy(), wide_mm)
 
 
 @pytest.mark.parametrize("mirrored", [False, True])

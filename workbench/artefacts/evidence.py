@@ -58,7 +58,7 @@ class Check:
 
     name: str  # such as 'obliquity_deg'
     value: float | None  # None: nothing to judge by, and `finding` says why
-    limit: float | tuple[float, float] | None  # greatest allowed value, or least and greatest; None: told only
+    limit: float | tuple[float, float] | None  # greatest allowed value, or least and greatest; None: reported only
     passed: bool
     reason: str  # why the limit is where it is
     finding: str = ""  # what was found, in words; of a failed check: the suspicion

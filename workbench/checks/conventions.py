@@ -121,7 +121,7 @@ def _known() -> Iterator[Convention]:
             turn = np.zeros((3, 3))
             turn[range(3), axes] = signs
             if np.linalg.det(turn) > 0 and axes != (0, 1, 2):
-                yield Convention(f"the profiler's axes are {_axes(axes, signs)}", hand_eye=_turned(turn))
+                yield Convention(f"the profiler's axes are {_axes(axes, signs)}", hand_eye=_rotated(turn))
 
 
 def _conjugate(q: Float) -> Float:
@@ -140,7 +140,7 @@ def _identity(pose: Float) -> Float:
     return np.eye(4)
 
 
-def _turned(turn: Float) -> HandEyes:
+def _rotated(turn: Float) -> HandEyes:
     return lambda pose: pose_from(pose[:3, :3] @ turn, pose[:3, 3])
 
 

@@ -10,7 +10,7 @@ from workbench.artefacts import ROOT_FACE, UPPER_SURFACE, Check, Cloud
 from workbench.checks.corners import LEAST_FRAMES
 from workbench.checks.faces import LEAST_POINTS, SAMPLE, direction, rising
 from workbench.checks.judge import refuse_failed
-from workbench.checks.levels import beside_share
+from workbench.checks.levels import step_share
 from workbench.checks.limits import Bound, check
 from workbench.checks.sensor import some
 from workbench.checks.straightness import straight_checks, straightness
@@ -50,13 +50,13 @@ def require_end_face(
     leans = [lean for lean in seen if lean is not None]
     lean = float(np.median(leans)) / DEG if len(leans) >= LEAST_FRAMES else None
     shape = {ROOT_FACE: straightness(cloud, labels, ROOT_FACE)}
-    stepped, beside = max((beside_share(cloud, labels, rows, way) for way in (1, -1)), key=lambda one: one[0] or 0.0)
+    stepped, step_mm = max((step_share(cloud, labels, rows, way) for way in (1, -1)), key=lambda one: one[0] or 0.0)
     further = f"in {100 * goes_on_share:.0f} % of the frames a further surface begins where what would be the end face "
     further += "ends, and leads on for more than its rounded edge would: a bevel above or below it?"
     prepared = "are axes mirrored or orientations wrong, or is this an edge that is prepared already (edge.segment)?"
     behind = float(np.mean([_behind(cloud, labels[i], int(i)) for i in rows])) if len(rows) >= LEAST_FRAMES else None
-    told = f"in {100 * (behind or 0.0):.0f} % of the frames a second face rises behind what would be the end face, "
-    told += "where the surface above it ends: a plate that lies on a strip, whose own end face stands in front?"
+    finding = f"in {100 * (behind or 0.0):.0f} % of the frames a second face rises behind what would be the end face, "
+    finding += "where the surface above it ends: a plate that lies on a strip, whose own end face stands in front?"
     checks = (
         check(
             "end_face_lean_deg",
@@ -69,11 +69,12 @@ def require_end_face(
             "step_share",
             stepped,
             f"in {100 * (stepped or 0.0):.0f} % of the frames returns run parallel to what would be the end face, "
-            f"{beside:.2f} mm beside it, beyond one of its ends: a step, an undercut, a second plate, a backing strip?",
+            f"{step_mm:.2f} mm beside it, beyond one of its ends: a step, an undercut, a second plate, a backing "
+            "strip?",
             given=limits,
         ),
         check("goes_on_share", goes_on_share, further, given=limits),
-        check("face_behind_share", behind, told, given=limits),
+        check("face_behind_share", behind, finding, given=limits),
     )
     refuse_failed(checks, f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
     return checks
@@ -81,8 +82,10 @@ def require_end_face(
 
 def edge_break_check(size_mm: float, limits: Mapping[str, Bound] | None = None) -> Check:
     """The check that what ends a face is its rounded or chamfered edge, of this size, and no further face."""
-    told = f"beyond its end the face is rounded or chamfered by {size_mm:.2g} mm: a bevel below it, a face of its own?"
-    return check("edge_break_mm", size_mm, told, given=limits)
+    finding = (
+        f"beyond its end the face is rounded or chamfered by {size_mm:.2g} mm: a bevel below it, a face of its own?"
+    )
+    return check("edge_break_mm", size_mm, finding, given=limits)
 
 
 def _behind(cloud: Cloud, labels: AnyArray, i: int) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
 from workbench.checks.corners import LEAST_FRAMES, frames_with, stands_out, thinning
 from workbench.checks.judge import refuse_failed
-from workbench.checks.levels import beside_check
+from workbench.checks.levels import step_check
 from workbench.checks.limits import Bound, check, least, most
 from workbench.checks.passes import LEAST_RETURNS
 from workbench.checks.sensor import column_pitch_mm, some
@@ -26,15 +26,15 @@ ON = 2.0 * DEG  # turn, median of the frames, of what goes on elsewhere
 FURTHER = "further_face_deg"
 HOLLOW = 12.0 * DEG  # turn beyond which a surface turns back, and within which it goes on
 RIGHT, UPRIGHT = 90.0 * DEG, 15.0 * DEG  # the plate's surface stands upright on its root face to within this
-SKIP, BESIDE = 4, 24  # columns at a corner that are left out, and of the surface beyond it
+SKIP, ADJOINING = 4, 24  # columns at a corner that are left out, and of the surface beyond it
 FEW = 8  # columns of that surface at least
 LONG_MM = 1.0  # of that surface at least: a rounded edge is none
-WIDEST_UNTOLD = 2.3  # times its nominal size, of a root face whose plate shows no upper surface: true ones are up to 2
+WIDEST_WITHOUT_UPPER = 2.3  # times its nominal size, of a root face with no upper surface in view: true ones reach 2
 NARROWEST_ALONE = 0.5  # likewise, where the nominal sizes alone tell it from a bevel face as narrow
 AT_END = 2.0 / 3.0  # of its bow a face stands off its line at its ends
 
 
-class Shown(NamedTuple):
+class ViewContext(NamedTuple):
     """What the view shows beside root face and bevel face themselves."""
 
     two_plates_share: float  # of the profiles, that show a groove between two plates
@@ -53,7 +53,7 @@ class Shown(NamedTuple):
 def require_bevel(
     cloud: Cloud,
     labels: AnyArray,
-    shown: Shown,
+    context: ViewContext,
     limits: Mapping[str, Bound] | None = None,
 ) -> tuple[Check, ...]:
     """As `judge_faces`; nor are faces a bevel that the view cuts off, or whose mirror image in view fits as well.
@@ -66,32 +66,36 @@ def require_bevel(
     Raises:
         InputError: what was found is no bevel.
     """
-    share, over = shown.root_seen_share, shown.root_over_nominal
-    told = f"the root face's lower end is in view in {100 * share:.0f} % of the frames with faces only: does "
-    told += "the view end on the part, so that upper surface and bevel face look like bevel face and root face, or "
-    told += "does something stand in front of it?"
-    seen = check("root_seen_share", share, told, given=limits)
-    told = f"what would be the root face is {over:.2g} times as wide as its nominal size: another face, or "
-    told += "another nominal size?"
-    alone = not (shown.upper_seen or shown.lower_seen)
+    share, over = context.root_seen_share, context.root_over_nominal
+    finding = f"the root face's lower end is in view in {100 * share:.0f} % of the frames with faces only: does "
+    finding += "the view end on the part, so that upper surface and bevel face look like bevel face and root face, or "
+    finding += "does something stand in front of it?"
+    seen = check("root_seen_share", share, finding, given=limits)
+    finding = f"what would be the root face is {over:.2g} times as wide as its nominal size: another face, or "
+    finding += "another nominal size?"
+    alone = not (context.upper_seen or context.lower_seen)
     narrowest = NARROWEST_ALONE if alone else least("root_over_nominal")
-    widest = most("root_over_nominal") if shown.upper_seen else WIDEST_UNTOLD
-    wide = check("root_over_nominal", over, told, given=limits, default=(narrowest, widest))
-    told = f"the faces meet at {shown.bevel_deg:.1f} deg, where {shown.bevel_nominal_deg:g} is nominal, as the upper "
-    told += f"surface and a bevel face of {90.0 - shown.bevel_deg:.1f} deg would: is the root face in view, and the "
-    told += "nominal angle the drawing's? or a bevel above a land (inspect_preparation.json)?"
-    told = told if alone else "the upper or the lower surface is in view, which distinguishes the faces"
-    beside = [abs(angle - shown.bevel_nominal_deg) for angle in (shown.bevel_deg, 90.0 - shown.bevel_deg)]
-    right = check("complement_nearer_deg", beside[0] - beside[1] if alone else None, told, given=limits)
-    plates = plates_check(shown.two_plates_share if alone else 0.0, limits)
-    other = alone or shown.two_plates_share > most("two_plates_share")
-    told = "read the other way, bevel face as root face, the profiles fit as well: both are about as wide as the "
-    told += "nominal root face, and neither upper nor lower surface is in view, or another plate is: give upper_side, "
-    told += "widen the view, or is it a weld groove, for inspect_groove.json?"
-    told = told if other else "the upper or the lower surface is in view, which distinguishes the faces"
-    apart = check("readings_apart", shown.readings_apart if other else None, told, given=limits)
-    judged = judge_faces(cloud, labels, limits, shown.lies_on, shown.rim_mm)
-    stepped = beside_check(cloud, labels, shown.root_nominal_mm, limits)
+    widest = most("root_over_nominal") if context.upper_seen else WIDEST_WITHOUT_UPPER
+    wide = check("root_over_nominal", over, finding, given=limits, default=(narrowest, widest))
+    finding = (
+        f"the faces meet at {context.bevel_deg:.1f} deg, where {context.bevel_nominal_deg:g} is nominal, as the upper "
+        f"surface and a bevel face of {90.0 - context.bevel_deg:.1f} deg would: is the root face in view, and the "
+        "nominal angle the drawing's? or a bevel above a land (inspect_preparation.json)?"
+    )
+    finding = finding if alone else "the upper or the lower surface is in view, which distinguishes the faces"
+    deviations = [abs(angle - context.bevel_nominal_deg) for angle in (context.bevel_deg, 90.0 - context.bevel_deg)]
+    right = check("complement_nearer_deg", deviations[0] - deviations[1] if alone else None, finding, given=limits)
+    plates = plates_check(context.two_plates_share if alone else 0.0, limits)
+    other = alone or context.two_plates_share > most("two_plates_share")
+    finding = (
+        "read the other way, bevel face as root face, the profiles fit as well: both are about as wide as the "
+        "nominal root face, and neither upper nor lower surface is in view, or another plate is: give upper_side, "
+        "widen the view, or is it a weld groove, for inspect_groove.json?"
+    )
+    finding = finding if other else "the upper or the lower surface is in view, which distinguishes the faces"
+    apart = check("readings_apart", context.readings_apart if other else None, finding, given=limits)
+    judged = judge_faces(cloud, labels, limits, context.lies_on, context.rim_mm)
+    stepped = step_check(cloud, labels, context.root_nominal_mm, limits)
     checks = (plates, seen, wide, *judged, *stepped, right, apart)
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     return checks
@@ -110,8 +114,8 @@ def require_columns(cloud: Cloud, width_mm: float, limits: Mapping[str, Bound] |
     """
     pitch = column_pitch_mm(cloud.x_mm)
     count = width_mm / pitch if pitch > 0 else None
-    told = f"columns are {pitch:.3g} mm apart, which puts at most {count or 0:.0f} on a root face of {width_mm:g} mm"
-    found = check("root_columns", count, f"{told}: too coarse to tell its faces apart", given=limits)
+    finding = f"columns are {pitch:.3g} mm apart, which puts at most {count or 0:.0f} on a root face of {width_mm:g} mm"
+    found = check("root_columns", count, f"{finding}: too coarse to tell its faces apart", given=limits)
     refuse_failed([found], cloud.source, "edge.segment.limits")
     return found
 
@@ -119,10 +123,10 @@ def require_columns(cloud: Cloud, width_mm: float, limits: Mapping[str, Bound] |
 def plates_check(two_plates_share: float, limits: Mapping[str, Bound] | None = None) -> Check:
     """The check that no groove between two plates is taken for the edge of one."""
     share = f"{100 * two_plates_share:.0f} %"
-    told = (
+    finding = (
         f"{share} of the profiles show two plates with a groove between them: a weld groove, for inspect_groove.json?"
     )
-    return check("two_plates_share", two_plates_share, told, given=limits)
+    return check("two_plates_share", two_plates_share, finding, given=limits)
 
 
 def judge_faces(
@@ -144,7 +148,7 @@ def judge_faces(
     shows = cloud.keep[::every].sum(axis=1) >= LEAST_RETURNS
     found = np.isin(labels[::every], list(NAMES)).any(axis=1)
     share = float((found & shows).sum() / max(int(shows.sum()), 1))
-    told = f"faces of a bevel were found in {100 * share:.0f} % of the frames: no bevel, or little of one?"
+    finding = f"faces of a bevel were found in {100 * share:.0f} % of the frames: no bevel, or little of one?"
     rows = some(every * np.flatnonzero(found), SAMPLE)
     clear = _without_rim(cloud, labels, rim_mm) if rim_mm > 0.0 else labels
     shape = {face: straightness(cloud, clear, face) for face in NAMES}
@@ -159,7 +163,7 @@ def judge_faces(
     ledge = f"the corner of root face and bevel face stands out of them by {out:.2g} mm: a ledge, a burr there, "
     ledge += "a nose (inspect_preparation.json)?"
     return (
-        check("found_share", share, told, given=given),
+        check("found_share", share, finding, given=given),
         *straight_checks(shape, turns, "a dome, a bar, a cable or a rounded groove", given),
         goes_on,
         further,
@@ -187,9 +191,9 @@ def _beyond_checks(seen: Sequence[_Corner], lies_on: bool, given: Mapping[str, B
 
 
 def _ledge_check(close_mm: float) -> Check:
-    """What a ledge too small to be told would take off the root face goes by this."""
-    told = f"returns close to the corner of root face and bevel face stand out of them by {close_mm:.2g} mm"
-    return Check("close_stands_out_mm", close_mm, None, True, "a ledge of that is in the uncertainty", told)
+    """What a ledge too small to be seen would take off the root face goes by this."""
+    finding = f"returns close to the corner of root face and bevel face stand out of them by {close_mm:.2g} mm"
+    return Check("close_stands_out_mm", close_mm, None, True, "a ledge of that is in the uncertainty", finding)
 
 
 def bowed_mm(faces: Iterable[Straightness]) -> float:
@@ -205,8 +209,8 @@ def corners_checks(
     for pair in pairs:
         corner, bowed = stands_out(cloud, labels, *pair), bowed_mm(straightness(cloud, labels, one) for one in pair)
         out, close = max(out, corner.corner_mm - bowed), max(close, corner.by_ledge_mm(bowed))
-    told = f"a corner of two faces stands out of them by {out:.2g} mm: a ledge, a further face, a burr there?"
-    return check("corner_stands_out_mm", out, told, given=limits), _ledge_check(close)
+    finding = f"a corner of two faces stands out of them by {out:.2g} mm: a ledge, a further face, a burr there?"
+    return check("corner_stands_out_mm", out, finding, given=limits), _ledge_check(close)
 
 
 def bows_check(
@@ -259,7 +263,9 @@ class _Corner(NamedTuple):
     """What one frame shows of root face and bevel face, which stand side by side."""
 
     turn: float  # from one face to the other, rad
-    beside: dict[int, float]  # by face, the turn to the surface that joins it on its other side, in the sense of `turn`
+    adjoining: dict[
+        int, float
+    ]  # by face, the turn to the surface that joins it on its other side, in the sense of `turn`
 
 
 def _goes_on(seen: Sequence[_Corner], face: int, lies_on: bool) -> tuple[float, float]:
@@ -268,7 +274,7 @@ def _goes_on(seen: Sequence[_Corner], face: int, lies_on: bool) -> tuple[float, 
     Upper and lower surface stand upright on the root face; what the plate lies on turns up.
     """
     upright = [RIGHT - UPRIGHT - (one.turn if face == BEVEL_FACE else 0.0) for one in seen]
-    beyond = [one.beside[face] for one in seen]
+    beyond = [one.adjoining[face] for one in seen]
     least = -HOLLOW if lies_on and face == ROOT_FACE else -np.inf
     goes = [least < turn < max(HOLLOW, lowest) for turn, lowest in zip(beyond, upright, strict=True)]
     off = float(np.median(np.array(beyond)[goes])) if any(goes) else 0.0
@@ -296,8 +302,8 @@ def _corner_of(cloud: Cloud, labels: AnyArray, i: int, pair: Iterable[int] = NAM
     sense = float(np.sign(at_second - at_first))
     before = _joined(x, z, kept[kept < first[0]][::-1], first, sign)
     after = _joined(x, z, kept[kept > second[-1]], second[::-1], sign)
-    beside = {lower: (at_first - before) * sense, upper: (after - at_second) * sense}
-    return _Corner(abs(at_second - at_first), beside)
+    adjoining = {lower: (at_first - before) * sense, upper: (after - at_second) * sense}
+    return _Corner(abs(at_second - at_first), adjoining)
 
 
 def rising(x: Float) -> float:
@@ -316,9 +322,9 @@ def _joined(x: Float, z: Float, beyond: AnyArray, face: AnyArray, sign: float) -
 
     `beyond` and `face` are columns, both from the face's end on.
     """
-    own, end = face[:BESIDE], face[0]
+    own, end = face[:ADJOINING], face[0]
     pitch = median(np.hypot(np.diff(x[own]), np.diff(z[own])))
-    long = max(BESIDE, math.ceil(LONG_MM / max(pitch, 1e-3)))
+    long = max(ADJOINING, math.ceil(LONG_MM / max(pitch, 1e-3)))
     run = beyond[SKIP : SKIP + long]
     if len(run) > FEW:  # a surface that the rays graze has few columns a millimetre
         far = np.hypot(x[run] - x[run[0]], z[run] - z[run[0]]) >= LONG_MM

@@ -75,7 +75,7 @@ COARSE, NARROWEST_MM = 25.0, 0.5  # a view narrower than usual that is scanned i
 UNKNOWN = ": are orientations, axes or the hand-eye pose wrong?"
 SWAPPED = 0.1  # share of the columns that are unevenly spaced: sensors' pixels are even, ranges have noise
 UNMET = "no face was seen by two passes: the recording does not show how far apart these lie"
-TOLD = 3  # copies of passes that a refusal names
+MOST_NAMED = 3  # copies of passes that a refusal names
 ELSE = "; else "  # between suspicions: a refusal names the first
 UNITS_MM = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
 
@@ -120,17 +120,17 @@ def judged(
     repeats = find_repeats(recording.z_mm, recording.pass_index)
     once = _without_copies(recording, repeats)
     checks = tuple(_checks(recording, repeats, once, hand_eye, limits or {}, calibrating))
-    if not all(one.passed for one in checks) and (told := _returns_cause(recording)):
+    if not all(one.passed for one in checks) and (cause := _returns_cause(recording)):
         first, *others = checks
-        checks = (first, *(one if one.passed else dataclasses.replace(one, finding=told) for one in others))
+        checks = (first, *(one if one.passed else dataclasses.replace(one, finding=cause) for one in others))
     return checks, once
 
 
 def _returns_cause(recording: Recording) -> str:
     """What the returns themselves show to be wrong, and would make other checks fail; empty: nothing."""
     if shared := shared_range(recording.z_mm):
-        told = f"{100 * shared[1]:.2g} % of the returns have the range {shared[0]:.6g} mm to the digit: "
-        return told + "the sensor's code for no return, or ranges that saturate? make them NaN"
+        cause = f"{100 * shared[1]:.2g} % of the returns have the range {shared[0]:.6g} mm to the digit: "
+        return cause + "the sensor's code for no return, or ranges that saturate? make them NaN"
     if is_packed(recording.x_mm, recording.z_mm):
         return f"are {PACKED}?"
     if uneven_share(recording.z_mm) < SWAPPED < uneven_share(recording.x_mm):
@@ -287,11 +287,13 @@ def _checks(
     calibration = calibrating or recording.sphere_diameter_mm is not None
     change, frame = lateral_step(recording.x_mm, recording.z_mm)
     how = "x is mirrored, or columns are reversed," if change < -1.0 else f"x is scaled by {100.0 * change:+.1f} %"
-    told = f"{how} from frame {frame} on: is it of another sensor?" if change else ""
-    yield check("one_sensor", abs(change), told, given=given)
+    finding = f"{how} from frame {frame} on: is it of another sensor?" if change else ""
+    yield check("one_sensor", abs(change), finding, given=given)
     varies, name = steadiest(recording.x_mm, recording.z_mm)
-    told = f"the {name} is the same in every frame: were they zeroed, levelled or centred one by one? switch that off"
-    yield check("frames_vary", varies, told, given=given)
+    finding = (
+        f"the {name} is the same in every frame: were they zeroed, levelled or centred one by one? switch that off"
+    )
+    yield check("frames_vary", varies, finding, given=given)
     yield from _profile_checks(recording, given)
     yield from _pose_checks(recording, given, calibration)
     yield from _copy_checks(recording, repeats, given, calibration)
@@ -302,19 +304,19 @@ def _checks(
             yield from _motion_checks(once, hand_eye, given)
     if unsure := recording.not_confirmed:
         about = "; ".join(line.partition(":")[0] for line in unsure)
-        told = (
+        finding = (
             f"its import took {len(unsure)} values for granted ({about}): correct them in the mapping, take their "
             "lines out of its list 'uncertain' and import again"
         )
-        yield check("not_confirmed", len(unsure), told, given=given)
+        yield check("not_confirmed", len(unsure), finding, given=given)
 
 
 def _profile_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:
     shown, far = extent(recording.x_mm, recording.z_mm)
     width = max(shown, (recording.z_mm.shape[1] - 1) * _pitch_mm(recording))
-    told = f"the profiles are {width:.4g} mm wide{_unit(width, (10.0, 500.0))}"
+    finding = f"the profiles are {width:.4g} mm wide{_unit(width, (10.0, 500.0))}"
     narrowest = NARROWEST_MM if _columns_a_frame(recording) < COARSE else least("view_width_mm")
-    yield check("view_width_mm", width, told, given=given, default=(narrowest, most("view_width_mm")))
+    yield check("view_width_mm", width, finding, given=given, default=(narrowest, most("view_width_mm")))
     yield check("range_mm", far, f"a return is {far:.4g} mm away{_unit(far, (20.0, 2000.0))}", given=given)
 
 
@@ -340,18 +342,20 @@ def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: 
         if axis
         else "the flange is at most {} from the robot's base"
     )
-    told = of.format(f"{reach:.4g} mm") + _unit(reach, usual)
-    yield check("reach_mm", reach, told, given=given, default=AXIS_MM if axis else None)
+    finding = of.format(f"{reach:.4g} mm") + _unit(reach, usual)
+    yield check("reach_mm", reach, finding, given=given, default=AXIS_MM if axis else None)
     step = quaternion_step(recording.robot_quaternion_wxyz)
-    told = f"orientations are rounded to {step:g} in each number of their quaternions: were digits lost in writing?"
-    yield check("orientation_step_deg", math.degrees(step), told, given=given)
+    finding = f"orientations are rounded to {step:g} in each number of their quaternions: were digits lost in writing?"
+    yield check("orientation_step_deg", math.degrees(step), finding, given=given)
     yield _position_step(recording)
     if calibration:
         return
     jump = jump_mm(recording.robot_time_s, position, recording.robot_pass)
-    told = f"a recorded position jumps by {jump:.2g} mm in an even motion: an encoder that slipped, a base set anew, "
-    told += "poses of two moves in one pass?"
-    yield check("position_jump_mm", jump, told, given=given)
+    finding = (
+        f"a recorded position jumps by {jump:.2g} mm in an even motion: an encoder that slipped, a base set anew, "
+        "poses of two moves in one pass?"
+    )
+    yield check("position_jump_mm", jump, finding, given=given)
     standing, held = [], [0]
     for number in np.unique(recording.pass_index):
         at, time = recording.robot_pass == number, recording.time_s[recording.pass_index == number]
@@ -361,8 +365,10 @@ def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: 
         took, turn = np.maximum(np.diff(recording.robot_time_s[at]), LEAST_S), recording.robot_quaternion_wxyz[at]
         ways = chords_mm(position[at]), _angles_deg(turn[1:], turn[:-1])
         held += [held_poses(way / took) for way in ways]
-    told = f"{max(held)} poses in a row have one position, or one orientation, and the next one jumps: a frozen stream?"
-    yield check("held_poses", max(held), told if max(held) else "", given=given)
+    finding = (
+        f"{max(held)} poses in a row have one position, or one orientation, and the next one jumps: a frozen stream?"
+    )
+    yield check("held_poses", max(held), finding if max(held) else "", given=given)
     share = max(standing)
     yield check(
         "standing_share",
@@ -374,13 +380,13 @@ def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: 
 
 
 def _position_step(recording: Recording) -> Check:
-    """Whether the recorded positions are whole numbers; told, not judged: they may have been commanded so."""
+    """Whether the recorded positions are whole numbers; reported, not judged: they may have been commanded so."""
     step = 0.0 if recording.part.robot == LINEAR_AXIS else position_step_mm(recording.robot_position_mm)
-    told = "positions are no multiples of a tenth of a millimetre"
+    finding = "positions are no multiples of a tenth of a millimetre"
     if step:
-        told = f"all recorded positions are multiples of {step:g} mm: were they rounded, or commanded instead of "
-        told += "measured? what they are off moves the edge and would not show"
-    return Check("position_step_mm", step, None, True, "a robot's own positions have more digits", told)
+        finding = f"all recorded positions are multiples of {step:g} mm: were they rounded, or commanded instead of "
+        finding += "measured? what they are off moves the edge and would not show"
+    return Check("position_step_mm", step, None, True, "a robot's own positions have more digits", finding)
 
 
 def _copy_checks(
@@ -388,14 +394,16 @@ def _copy_checks(
 ) -> Iterator[Check]:
     passes = repeats.passes
     count = len(np.unique(recording.pass_index))
-    copies = ", ".join(f"{copy} of {original}" for copy, original in list(passes.items())[:TOLD])
+    copies = ", ".join(f"{copy} of {original}" for copy, original in list(passes.items())[:MOST_NAMED])
     again = np.isin(recording.pass_index, list(passes))
     copied = repeats.copies | again if calibration else repeats.copies & ~again
-    told = [f"{100 * copied.mean():.1f} % of the frames are an earlier frame again: a frozen or repeating scanner?"]
+    findings = [f"{100 * copied.mean():.1f} % of the frames are an earlier frame again: a frozen or repeating scanner?"]
     if passes:
         once = "" if calibration else ", and count once"
-        told.append(f"{len(passes)} of {count} passes are copies of others{once}: {copies}")
-    yield check("repeated_share", float(copied.mean()), "; ".join(told if copied.any() else told[1:]), given=given)
+        findings.append(f"{len(passes)} of {count} passes are copies of others{once}: {copies}")
+    yield check(
+        "repeated_share", float(copied.mean()), "; ".join(findings if copied.any() else findings[1:]), given=given
+    )
     run = max((last - first + 1 for first, last in runs(repeats.copies & ~again)), default=0)
     waits = f"one profile comes {run + 1} times in a row: a frozen or repeating scanner, a driver that waits? All that "
     waits += "comes after may be as many frames late"
@@ -405,26 +413,26 @@ def _copy_checks(
 def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:
     traces = sensor_traces(recording.x_mm, recording.z_mm, recording.pass_index)
     step = step_mm(some(recording.z_mm))
-    told = f"ranges are rounded to {step:.3g} mm: export them at full resolution"
-    yield check("range_step_mm", step, told, given=given)
+    finding = f"ranges are rounded to {step:.3g} mm: export them at full resolution"
+    yield check("range_step_mm", step, finding, given=given)
     step, pitch = uneven_step_mm(recording.x_mm, recording.z_mm), _pitch_mm(recording)
-    told = f"lateral places are rounded to {step:.3g} mm: export them at full resolution"
-    yield check("lateral_step_mm", step, told, given=given, default=max(most("lateral_step_mm"), STEP_SHARE * pitch))
-    told = (
+    finding = f"lateral places are rounded to {step:.3g} mm: export them at full resolution"
+    yield check("lateral_step_mm", step, finding, given=given, default=max(most("lateral_step_mm"), STEP_SHARE * pitch))
+    finding = (
         f"the sensor has averaged its profiles over {traces.mean_columns:.2g} columns: switch its smoothing filter off"
     )
     mean = None if recording.sphere_diameter_mm else traces.mean_columns  # no corner or narrow face, for it to round
-    yield check("mean_columns", mean, told, given=given)
-    told = (
+    yield check("mean_columns", mean, finding, given=given)
+    finding = (
         f"{100 * traces.held_end_share:.0f} % of the short gaps in faces hold the value beside them, or continue its "
         "slope: a median filter, or lost returns filled? "
     )
-    yield check("held_end_share", traces.held_end_share, told + "switch the sensor's filters off", given=given)
-    yield from _told_of_sensor(recording, traces.mean_frames)
+    yield check("held_end_share", traces.held_end_share, finding + "switch the sensor's filters off", given=given)
+    yield from _sensor_notes(recording, traces.mean_frames)
 
 
-def _told_of_sensor(recording: Recording, mean_frames: float) -> Iterator[Check]:
-    """What may hide the end of a face, told and not judged: a name, its value, and how it is told."""
+def _sensor_notes(recording: Recording, mean_frames: float) -> Iterator[Check]:
+    """What may hide the end of a face, reported and not judged."""
     seen, in_u = telling_returns(recording.z_mm), "in the uncertainty of the face's end"
     dropped, hidden = dropped_columns(some_frames(recording)), hidden_columns(seen)
     blind = blind_columns(seen)
@@ -459,14 +467,14 @@ def _told_of_sensor(recording: Recording, mean_frames: float) -> Iterator[Check]
             f"{blind} columns between others that measure never return: is the scanner's window dirty?",
         ),
     )
-    for name, value, reason, nothing, told in rows:
-        yield Check(name, value, None, True, reason, told if value else nothing)
+    for name, value, reason, nothing, finding in rows:
+        yield Check(name, value, None, True, reason, finding if value else nothing)
 
 
 def _hand_eye_check(hand_eye: Float, given: Mapping[str, Bound]) -> Check:
     distance = float(np.linalg.norm(hand_eye[:3, 3]))
-    told = f"the hand-eye pose has the profiler {distance:.4g} mm from the flange{_unit(distance, (20.0, 1000.0))}"
-    return check("hand_eye_mm", distance if distance > 0 else None, told, given=given)
+    finding = f"the hand-eye pose has the profiler {distance:.4g} mm from the flange{_unit(distance, (20.0, 1000.0))}"
+    return check("hand_eye_mm", distance if distance > 0 else None, finding, given=given)
 
 
 def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bound]) -> Iterator[Check]:
@@ -477,20 +485,20 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     plane, about = "the laser plane is {:.0f} deg off square", "the section would rotate by {:.2f} deg about the edge"
     varied = "the angle between laser plane and edge would vary by {:.1f} deg to each side"
     judged = [
-        check(name, value, told.format(value), given=given, default=bound)
-        for name, value, told, bound in (
+        check(name, value, template.format(value), given=given, default=bound)
+        for name, value, template, bound in (
             ("obliquity_deg", now.obliquity_deg, plane, None),
             ("obliquity_varies_deg", now.varies_deg, varied, VARIED_DEG if steadier else None),
             ("unsteady_twist_deg", unwaved, f"{about} and back, unlike any plate", None),
             ("twist_deg", now.twist_deg, f"{about}, which the orientations do not explain", None),
         )
     ]
-    turned = [frame for chain in found.values() for frame in mirrored_frames(recording.x_mm, recording.z_mm, chain)]
-    told = f"profiles are mirrored, or their columns reversed, from frame {turned[0]} on" if turned else ""
-    yield check("mirrored_frames", len(turned), told, given=given)
+    mirrored = [frame for chain in found.values() for frame in mirrored_frames(recording.x_mm, recording.z_mm, chain)]
+    finding = f"profiles are mirrored, or their columns reversed, from frame {mirrored[0]} on" if mirrored else ""
+    yield check("mirrored_frames", len(mirrored), finding, given=given)
     yield from _order_checks(recording, found, given)
-    told = f"the recorded poses jump by {now.pose_noise_mm:.2f} mm across the edge: noisy, or rounded?"
-    yield check("pose_noise_mm", now.pose_noise_mm, told, given=given)
+    finding = f"the recorded poses jump by {now.pose_noise_mm:.2f} mm across the edge: noisy, or rounded?"
+    yield check("pose_noise_mm", now.pose_noise_mm, finding, given=given)
     sure = SURE_TWIST_DEG if now.obliquity_deg < OBLIQUE_DEG else CONVENTION_TWIST_DEG
     unexplained, only = now.twist_deg > sure + now.waved_deg, all(one.passed for one in judged)
     if unexplained or not only:
@@ -498,20 +506,19 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
         explained = [one.name for one, c in readings if one is not AS_READ and _explains(c, now)]
         suspected = [*steadier, *(name for name in explained if name not in steadier)]
     if unexplained and _turning(suspected):
-        told = judged[3].finding
-        judged[3] = check("twist_deg", now.twist_deg, told, given=given, default=CONVENTION_TWIST_DEG)
+        judged[3] = check("twist_deg", now.twist_deg, judged[3].finding, given=given, default=CONVENTION_TWIST_DEG)
     hint = f"; suspicion: {ELSE.join(suspected)}" if suspected else UNKNOWN
     yield from (one if one.passed else dataclasses.replace(one, finding=one.finding + hint) for one in judged)
     yield _unseen(recording, found, now)
     yield from _pass_check(recording, found, hand_eye, given)
     together = min((float(one.good.mean()) for one in found.values() if len(one.good) >= LEAST_STRETCH), default=None)
-    told = f"{100 * (together or 0.0):.0f} % of neighbouring profiles lie on each other: frames out of order, "
-    told += "profiles of several parts, or a profiler's axes swapped?"
-    yield check("together_share", together, told, given=given)
+    finding = f"{100 * (together or 0.0):.0f} % of neighbouring profiles lie on each other: frames out of order, "
+    finding += "profiles of several parts, or a profiler's axes swapped?"
+    yield check("together_share", together, finding, given=given)
 
 
 def _unseen(recording: Recording, found: Mapping[int, Chain], now: Consistency) -> Check:
-    """How much the flange turns within a pass, and what does not show where that is little; told, not judged.
+    """How much the flange turns within a pass, and what does not show where that is little; reported, not judged.
 
     What it turns with the edge, as along an arc, shows nothing: only what the section turns in the view, or the laser
     plane against the edge, does.
@@ -520,23 +527,25 @@ def _unseen(recording: Recording, found: Mapping[int, Chain], now: Consistency) 
     ranges = [float(np.degrees(np.ptp(np.percentile(chain.track[1], [5, 95])))) for chain in found.values()]
     against = max(ranges, default=0.0)
     against += 2.0 * now.varies_deg if np.isfinite(now.varies_deg) else 0.0
-    turned = max(_turned_deg(recording.robot_quaternion_wxyz[poses]) for poses in by_pass(recording.robot_pass))
-    told = f"the flange rotates by {turned:.1f} deg within a pass: "
-    told += "a scale of its travel and frames in reverse order would not show"
-    if min(turned, against) < TURNS_DEG:
-        told += (
+    rotation_deg = max(_rotation_deg(recording.robot_quaternion_wxyz[poses]) for poses in by_pass(recording.robot_pass))
+    finding = f"the flange rotates by {rotation_deg:.1f} deg within a pass: "
+    finding += "a scale of its travel and frames in reverse order would not show"
+    if min(rotation_deg, against) < TURNS_DEG:
+        finding += (
             ", nor a hand-eye pose that is displaced, or rotated by less than the limit of obliquity_deg, mirrored or "
             "swapped axes of the robot or of the profiler, orientations with a constant error"
         )
     if not _sways(recording):
-        told += "; it rotates evenly, which does not show whether the clocks agree"
+        finding += "; it rotates evenly, which does not show whether the clocks agree"
     fewest = int(np.unique(recording.robot_pass, return_counts=True)[1].min())
     if fewest < FEW_POSES:
-        told += f"; a pass has {fewest} poses only: noise in them would not show"
-    if turned == 0.0:
-        told += "; the orientation is the same to the last digit: if it was not measured, its rotation is in no value"
+        finding += f"; a pass has {fewest} poses only: noise in them would not show"
+    if rotation_deg == 0.0:
+        finding += (
+            "; the orientation is the same to the last digit: if it was not measured, its rotation is in no value"
+        )
     reason = f"a hand-eye error is visible where the flange rotates against the edge by {TURNS_DEG:g} deg and more"
-    return Check("flange_turn_deg", turned, None, True, reason, told)
+    return Check("flange_turn_deg", rotation_deg, None, True, reason, finding)
 
 
 def _sways(recording: Recording) -> bool:
@@ -549,10 +558,10 @@ def _sways(recording: Recording) -> bool:
     return False
 
 
-def _turned_deg(quaternion: Float) -> float:
+def _rotation_deg(quaternion: Float) -> float:
     """Greatest angle to the first of unit quaternions (k, 4); 0 where all are that one but for their last digits."""
-    turned = float(_angles_deg(quaternion, quaternion[:1]).max())
-    return turned if turned > LAST_DIGITS_DEG else 0.0
+    rotation = float(_angles_deg(quaternion, quaternion[:1]).max())
+    return rotation if rotation > LAST_DIGITS_DEG else 0.0
 
 
 def _angles_deg(one: Float, other: Float) -> Float:
@@ -581,26 +590,26 @@ def _explains(there: Consistency, now: Consistency) -> bool:
 def _order_checks(recording: Recording, found: Mapping[int, Chain], given: Mapping[str, Bound]) -> Iterator[Check]:
     """Whether the section jumps about in the view from frame to frame, as it does where frames are out of order."""
     here = disorder(recording.x_mm, recording.z_mm, recording.pass_index, found)
-    told = f"the section jumps by {here.jumps_mm:.2f} mm in the view from frame to frame: frames out of order, or a "
-    told += "part that vibrates?"
+    finding = f"the section jumps by {here.jumps_mm:.2f} mm in the view from frame to frame: frames out of order, or a "
+    finding += "part that vibrates?"
     known = np.isfinite(here.jumps_mm)
-    yield check("wiggle_mm", here.jumps_mm if known else None, told, given=given)
-    told = "neighbouring frames are similar, which shows their order"
+    yield check("wiggle_mm", here.jumps_mm if known else None, finding, given=given)
+    finding = "neighbouring frames are similar, which shows their order"
     if not known:
-        told = "too few profiles agree, which does not show their order"
+        finding = "too few profiles agree, which does not show their order"
     elif here.share > IN_ORDER and here.jumps_mm < ALIKE_MM:
-        told = "the part hardly moves in the view, which does not show the order of its frames"
+        finding = "the part hardly moves in the view, which does not show the order of its frames"
     elif here.share > IN_ORDER:
-        told = f"the section's place in the view scatters by {here.jumps_mm:.2f} mm between neighbouring frames, "
-        told += f"{100 * here.share:.0f} % of its scatter over the whole pass: vibration, noise, or frames out of "
-        told += "order; the recording does not show which"
+        finding = f"the section's place in the view scatters by {here.jumps_mm:.2f} mm between neighbouring frames, "
+        finding += f"{100 * here.share:.0f} % of its scatter over the whole pass: vibration, noise, or frames out of "
+        finding += "order; the recording does not show which"
     yield Check(
         "order_share",
         here.share if known else None,
         None,
         True,
         "where they scatter as all do, no order can be distinguished",
-        told,
+        finding,
     )
 
 
@@ -638,9 +647,9 @@ def _pass_check(
     for number, made in _poses(recording, found, hand_eye, AS_READ).items():
         poses[frames[number]] = made
     apart = disagreement_mm(recording.x_mm, recording.z_mm, frames, poses)
-    told = f"two passes see one face {apart:.2f} mm apart: has the part been moved, "
-    told += "is the hand-eye pose wrong, or are frames of a pass in reverse order?"
-    yield check("pass_disagreement_mm", apart, told if np.isfinite(apart) else UNMET, given=given)
+    finding = f"two passes see one face {apart:.2f} mm apart: has the part been moved, "
+    finding += "is the hand-eye pose wrong, or are frames of a pass in reverse order?"
+    yield check("pass_disagreement_mm", apart, finding if np.isfinite(apart) else UNMET, given=given)
 
 
 def _unit(length_mm: float, usual_mm: tuple[float, float]) -> str:

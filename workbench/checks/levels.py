@@ -37,9 +37,9 @@ def one_level(ends: Sequence[Beyond], frames: int) -> tuple[float, float]:
     best = (0.0, 0.0)
     for low in np.unique(np.floor(across / (0.5 * LEVEL_MM))) * 0.5 * LEVEL_MM:
         on = (across >= low) & (across < low + LEVEL_MM)
-        beside = (across >= low - LEVEL_MM) & (across < low + 2.0 * LEVEL_MM) & ~on
+        adjacent = (across >= low - LEVEL_MM) & (across < low + 2.0 * LEVEL_MM) & ~on
         share = len(np.unique(frame[on])) / frames
-        if share > best[0] and on.sum() > max(LEVEL_POINTS, ALONE * beside.sum()):
+        if share > best[0] and on.sum() > max(LEVEL_POINTS, ALONE * adjacent.sum()):
             spread = float(np.ptp(away[on]))
             lean = abs(float(np.polyfit(away[on], across[on], 1)[0])) if spread > 0.0 else 0.0
             best = (share, abs(low + 0.5 * LEVEL_MM)) if lean < LEVEL_LEAN else best
@@ -53,7 +53,7 @@ FAR_MM, COLUMNS = 3.0, 60  # beyond its end
 RUN_POINTS, RUN_MM, LEAN = 4, 0.15, 0.15  # of a run: returns, length, slope to the face: a rounded edge falls steeper
 
 
-def beside_check(
+def step_check(
     cloud: Cloud, labels: AnyArray, root_mm: float, limits: Mapping[str, Bound] | None = None
 ) -> tuple[Check, Check]:
     """The check that nothing goes on beside the root face (labels (N, M)) beyond its lower end, and how far behind.
@@ -62,19 +62,19 @@ def beside_check(
     the lip of a step would be longer than it is thick. The verdict then rests on that.
     """
     rows = frames_with(labels, (ROOT_FACE, BEVEL_FACE), FRAMES)
-    share, at_mm = beside_share(cloud, labels, rows)
-    told = (
+    share, at_mm = step_share(cloud, labels, rows)
+    finding = (
         f"in {100 * (share or 0.0):.0f} % of the frames returns run parallel to the root face, {at_mm:.2g} mm beside "
+        "it, beyond its lower end: a table or a strip right below, a step or an undercut in it, a second plate?"
     )
-    told += "it, beyond its lower end: a table or a strip right below, a step or an undercut in it, a second plate?"
     another = share is not None and share > most("step_share") and at_mm > root_mm
     return (
-        check("step_share", 0.0 if another else share, told, given=limits),
-        Check(BEHIND, at_mm if another else 0.0, None, True, "the verdict rests on its being another body", told),
+        check("step_share", 0.0 if another else share, finding, given=limits),
+        Check(BEHIND, at_mm if another else 0.0, None, True, "the verdict rests on its being another body", finding),
     )
 
 
-def beside_share(cloud: Cloud, labels: AnyArray, rows: Int, way: int = 0) -> tuple[float | None, float]:
+def step_share(cloud: Cloud, labels: AnyArray, rows: Int, way: int = 0) -> tuple[float | None, float]:
     """Share of the frames `rows` in which returns run parallel to the root face (labels (N, M)) beyond an end of it.
 
     And how far beside it, mm. The share is None where there are too few frames.
@@ -90,11 +90,11 @@ def beside_share(cloud: Cloud, labels: AnyArray, rows: Int, way: int = 0) -> tup
     level, first = np.full(len(rows), np.nan), np.full((len(rows), NEXT, 2), np.nan)
     x, z, keep = (as_input(grid[rows]) for grid in (cloud.x_mm, cloud.z_mm, cloud.keep))
     _levels(x, z, keep, as_input(labels[rows]), way, level, first)
-    beside = np.isfinite(level)
-    at_mm = float(np.median(np.abs(level[beside]))) if beside.any() else 0.0
+    has_run = np.isfinite(level)
+    at_mm = float(np.median(np.abs(level[has_run]))) if has_run.any() else 0.0
     # a step of which a frame shows two or three returns
     ends = [(of[np.isfinite(of[:, 0]), 0], of[np.isfinite(of[:, 0]), 1]) for of in first]
-    return max((float(beside.mean()), at_mm), one_level(ends, len(rows)))
+    return max((float(has_run.mean()), at_mm), one_level(ends, len(rows)))
 
 
 @kernel

@@ -73,8 +73,8 @@ def _of_pass(chain: Chain, pose: Float) -> tuple[float, ...] | None:
     ranges = [
         np.ptp(np.percentile(one, [5, 95])) for one in (way.oblique_deg[here], slow @ (slow.T @ way.oblique_deg[here]))
     ]
-    aside = np.einsum("kij,ki->kj", pose[here][:, :3, [0, 2]], way.tangent[here])
-    swing = np.degrees(np.linalg.norm(np.ptp(np.percentile(aside, [5, 95], axis=0), axis=0)))
+    lateral = np.einsum("kij,ki->kj", pose[here][:, :3, [0, 2]], way.tangent[here])
+    swing = np.degrees(np.linalg.norm(np.ptp(np.percentile(lateral, [5, 95], axis=0), axis=0)))
     return (
         float(np.median(way.oblique_deg[here])),
         float(min(ranges)) / 2.0,
@@ -249,8 +249,8 @@ def jump_mm(time_s: Float, position_mm: Float, pass_index: Int) -> float:
         single = alike & (off > SINGLE * u * np.quantile(off / u, 0.9))
         for i in np.flatnonzero(single):  # a sway that is twice as long as a drop-out makes four times of what strays
             low, high = np.searchsorted(time, (time[first[i]] - 2.0 * longest[i], time[last[i]] + 2.0 * longest[i]))
-            beside = slice(low, first[i] + 1), slice(last[i], high)
-            if off[i] > max(found, *(0.5 * SINGLE * _stray_mm(time[poses], place[poses]) for poses in beside)):
+            neighbours = slice(low, first[i] + 1), slice(last[i], high)
+            if off[i] > max(found, *(0.5 * SINGLE * _stray_mm(time[poses], place[poses]) for poses in neighbours)):
                 found = float(off[i])
     return found
 

@@ -27,8 +27,8 @@ def lateral_step(x_mm: AnyArray, z_mm: AnyArray) -> tuple[float, int]:
         by -= row_medians(np.where(up != 0.0, by / up, np.nan))[:, None] * up  # what moves along the ray aside
         share = row_medians(((by[APART:] - by[:-APART]) / wide[:, :-1]).T)
     left, was = (row_medians(np.abs(of).T) for of in (by - share * x[:, :-1], by))
-    turned = np.abs(np.diff(row_medians(np.sign(wide).T))) > 1.0  # also where no column returns in both
-    change = np.append(0.0, np.where(turned, -2.0, np.where(left < 0.5 * was, share, 0.0)))
+    flips = np.abs(np.diff(row_medians(np.sign(wide).T))) > 1.0  # also where no column returns in both
+    change = np.append(0.0, np.where(flips, -2.0, np.where(left < 0.5 * was, share, 0.0)))
     size = np.abs(change)
     k = int(size.argmax())
     return float(change[k] * (size[k] > SINGLE * np.quantile(size, 0.9))), int(some(np.arange(len(x_mm)), FRAMES)[k])

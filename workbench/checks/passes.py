@@ -91,7 +91,7 @@ REACH = 4  # columns on each side, for a normal
 SAME = np.cos(np.radians(15.0))  # of the normals of one face
 FAR_MM = 12.0  # what lies further off is not the same face
 LEAST = 12  # returns of a face
-BESIDE_MM = 1.0  # along the face, of points that stand opposite each other
+LATERAL_MM = 1.0  # along the face, of points that stand opposite each other
 COLUMNS = 160
 
 
@@ -164,8 +164,8 @@ def _offset(points: Float, normals: Float, others: Float, their: Float) -> float
     nearest = np.argmin(distance, axis=1)
     near = distance[np.arange(len(points)), nearest]
     off = np.einsum("ki,ki->k", gap[np.arange(len(points)), nearest], normals)
-    beside = np.sqrt(np.maximum(near**2 - off**2, 0.0))
-    usable = (near < FAR_MM) & (beside < BESIDE_MM)
+    lateral = np.sqrt(np.maximum(near**2 - off**2, 0.0))
+    usable = (near < FAR_MM) & (lateral < LATERAL_MM)
     group = np.round(np.degrees(np.arctan2(*_in_plane(normals))) / 20.0).astype(int)
     found = [
         abs(float(np.median(off[usable & (group == n)])))

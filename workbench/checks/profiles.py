@@ -53,8 +53,8 @@ def disorder(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int, found: Mapping[int
 
 def in_order(checks: Sequence[Check]) -> bool:
     """Whether profiles show the order in which they were taken, by what a recording's checks found."""
-    told = [check.value for check in checks if check.name == "order_share"]
-    return all(value is not None and value <= IN_ORDER for value in told)
+    values = [check.value for check in checks if check.name == "order_share"]
+    return all(value is not None and value <= IN_ORDER for value in values)
 
 
 def _jumps_mm(found: Iterable[Chain], size: float, percentile: float) -> float:
@@ -145,8 +145,8 @@ def mirrored_frames(x_mm: AnyArray, z_mm: AnyArray, chain: Chain) -> list[int]:
     if not 0.5 < chain.good.mean() < 1.0:  # else nothing shows how well they lie on each other
         return []
     surface, at = on_grid(*(grid[chain.frames].astype(np.float64) for grid in (x_mm, z_mm)))
-    turned = np.append(0, np.cumsum(~chain.good))[:, None] % 2 == 1
-    other = _registered(np.where(turned, surface[:, ::-1], surface), at, chain.frames)
+    is_mirrored = np.append(0, np.cumsum(~chain.good))[:, None] % 2 == 1
+    other = _registered(np.where(is_mirrored, surface[:, ::-1], surface), at, chain.frames)
     return chain.frames[1:][other.good & ~chain.good].tolist() if other else []
 
 
@@ -231,8 +231,8 @@ def _registered(surface: Float, at: Float, frames: Int) -> Chain | None:
     moved = np.hypot(motion[:, 0], motion[:, 1])
     good = (agreeing >= np.maximum(SHARE * both, 8)) & (spread < MISFITS * usual)
     good &= moved < max(LEAST_STEP_MM, STEPS * float(np.median(moved)))
-    turned = np.abs(motion[:, 2])
-    good &= turned < max(LEAST_TURN, STEPS * float(np.median(turned)))
+    rotation = np.abs(motion[:, 2])
+    good &= rotation < max(LEAST_TURN, STEPS * float(np.median(rotation)))
     ridge = RIDGE * np.diag([1.0, 1.0, (at[-1] - at[0]) ** 2])
     variance = np.linalg.inv(normal + 1e-9 * ridge)[:, 2, 2]
     return Chain(frames, centre, motion[:, 0], motion[:, 1], motion[:, 2], good, spread * np.sqrt(variance))

@@ -97,8 +97,8 @@ class Late(NamedTuple):
 
     def place_u_mm(self, axis: Float) -> Float:
         """What that moves the edge by along unit vectors (N, 3), (N,), likewise."""
-        told, hidden = ((of * axis).sum(axis=1) for of in (self.flow_mm_s, self.slow_mm_s))
-        return self._over_pass(np.hypot(self.offset_s * told, self.unsure_s * hidden))
+        flow, slow = ((of * axis).sum(axis=1) for of in (self.flow_mm_s, self.slow_mm_s))
+        return self._over_pass(np.hypot(self.offset_s * flow, self.unsure_s * slow))
 
     def _over_pass(self, value: Float) -> Float:
         number = np.unique(self.passes, return_inverse=True)[1]
@@ -113,7 +113,7 @@ def late_of(face: FaceAlong, pose: Float, time_s: Float, passes: Int) -> Late:
     offset that may walk, and what its place leaves of a slow bend with the rate at which they carry it, by a constant
     one: waves of an edge look like one that walks. What two passes show alike at the same places is the plate's.
     """
-    offset, unsure, turn, rate, oblique, turned, by_place = np.zeros((7, face.s.size))
+    offset, unsure, turn, rate, oblique, late_turn, by_place = np.zeros((7, face.s.size))
     still_mm = np.zeros((face.s.size, 3))
     found = Late(offset, unsure, turn, rate, oblique, still_mm, still_mm.copy(), passes)
     for mine in by_pass(passes, np.isfinite(face.s + face.angle)):
@@ -126,12 +126,12 @@ def late_of(face: FaceAlong, pose: Float, time_s: Float, passes: Int) -> Late:
         rate = (spin * here.tangent).sum(axis=1)
         turning = _turning(here, rate, vector_from_rotation(rotation[0].T @ rotation), edges)
         moving = _moving(here, flow, edges)
-        (turns, walk, covariance), (moves, still, _) = _told(turning), _told(moving)
+        (turns, walk, covariance), (moves, still, _) = _offset_estimate(turning), _offset_estimate(moving)
         found.offset_s[mine] = _walk(mine.size, still if moves > turns else walk)  # by what is more certain
         found.unsure_s[mine] = _unsure((turning, moving))
-        turned[mine], by_place[mine] = found.offset_s[mine] * (turns > 0.0) * rate, still[0]
+        late_turn[mine], by_place[mine] = found.offset_s[mine] * (turns > 0.0) * rate, still[0]
         along = np.einsum("nji,nj->ni", rotation, np.cross(here.normal, here.tangent))
-        found.rate[mine] = (_turned(rotation, here.normal, span) * along).sum(axis=1)
+        found.rate[mine] = (_direction_rate(rotation, here.normal, span) * along).sum(axis=1)
         if turns > 0.0:  # where its place alone shows it, an edge may wave
             shown, ways = _rms(found.offset_s[mine] * found.rate[mine]), _walk(mine.size, np.eye(walk.size))
             by_terms = np.einsum("ni,ij,nj->n", ways, covariance, ways)
@@ -141,19 +141,19 @@ def late_of(face: FaceAlong, pose: Float, time_s: Float, passes: Int) -> Late:
         across = flow - (flow * here.tangent).sum(axis=1, keepdims=True) * here.tangent
         slow, bends = twisted(here.s, DEGREE), _rms(_bending(_mean(across, edges), _mean(here.s, edges)))
         found.flow_mm_s[mine], found.slow_mm_s[mine] = across, slow @ (slow.T @ across)
-        oblique = np.linalg.norm(_turned(rotation, here.tangent, span), axis=1)
+        oblique = np.linalg.norm(_direction_rate(rotation, here.tangent, span), axis=1)
         found.oblique_rate[mine] = _rms(oblique) + bends
     for pair in combinations(np.unique(passes), 2):
-        if _both_show(face, turned, [passes == number for number in pair]):
+        if _both_show(face, late_turn, [passes == number for number in pair]):
             both = np.isin(passes, pair)
             found.offset_s[both], found.turn[both] = by_place[both], 0.0
     return found
 
 
-def _both_show(face: FaceAlong, turned: Float, pair: list[Bool]) -> bool:
-    """Whether a pair of passes shows the same turns of a face, which late poses would have `turned` (N,) unlike."""
+def _both_show(face: FaceAlong, late_turn: Float, pair: list[Bool]) -> bool:
+    """Whether a pair of passes shows the same turns of a face, which late poses (`late_turn`, (N,)) would not."""
     on = [mine & np.isfinite(face.s) & np.isfinite(face.angle) for mine in pair]
-    if not all(mine.any() for mine in on) or not any(turned[mine].any() for mine in on):
+    if not all(mine.any() for mine in on) or not any(late_turn[mine].any() for mine in on):
         return False
     low, high = max(face.s[mine].min() for mine in on), min(face.s[mine].max() for mine in on)
     edges = np.linspace(low, high, LEAST_BINS + 1)
@@ -162,7 +162,7 @@ def _both_show(face: FaceAlong, turned: Float, pair: list[Bool]) -> bool:
         for b, (a, z) in enumerate(pairwise(edges)):
             here = mine & (face.s >= a) & (face.s <= z)
             if here.any():
-                found[k, :, b] = median(face.angle[here]), turned[here].mean()
+                found[k, :, b] = median(face.angle[here]), late_turn[here].mean()
     shown, late = found[0] - found[1]
     both = np.isfinite(shown + late)
     if both.sum() < LEAST_BINS // 2:
@@ -179,19 +179,21 @@ def late_check(late: Late, limits: Mapping[str, Bound] | None = None) -> Check:
     turn = _rms(late.turn) / DEG
     hidden = _rms(late.unsure_s * late.rate)
     low, high = 1e3 * float(late.offset_s.min()), 1e3 * float(late.offset_s.max())
-    told = "the face shows no rotation that follows the rate of the poses"
+    finding = "the face shows no rotation that follows the rate of the poses"
     if turn > 0.0:
-        told = f"the face rotates by {turn:.2g} deg (rms) as it would if poses came {low:+.0f} to {high:+.0f} ms late: "
-        told += (
+        finding = (
+            f"the face rotates by {turn:.2g} deg (rms) as it would if poses came {low:+.0f} to {high:+.0f} ms late: "
             "a delay left out, frames that are lost and not stamped, clocks that run at different rates, a hand-eye "
+            "pose that is off; or does the part vibrate, or something (tape?) cover its face here and there?"
         )
-        told += "pose that is off; or does the part vibrate, or something (tape?) cover its face here and there?"
     elif late.offset_s.any():
-        told = f"the face moves or turns to and fro as it would if poses came {low:+.0f} to {high:+.0f} ms late"
+        finding = f"the face moves or turns to and fro as it would if poses came {low:+.0f} to {high:+.0f} ms late"
     elif hidden > UNSEEN_TURN:
-        told = f"the scanner sways slowly, and does not show whether the clocks agree: {1e3 * UNSEEN_S:.0f} ms would "
-        told += f"rotate the face by {hidden / DEG:.2g} deg (rms), as a twisted plate does; it does not show which"
-    return check("late_turn_deg", turn, told, given=limits)
+        finding = (
+            f"the scanner sways slowly, and does not show whether the clocks agree: {1e3 * UNSEEN_S:.0f} ms would "
+            f"rotate the face by {hidden / DEG:.2g} deg (rms), as a twisted plate does; it does not show which"
+        )
+    return check("late_turn_deg", turn, finding, given=limits)
 
 
 def _rms(of: Float) -> float:
@@ -199,7 +201,7 @@ def _rms(of: Float) -> float:
 
 
 class _Span(NamedTuple):
-    """From which frame to which one, and in how many seconds, rates at n frames are told."""
+    """From which frame to which one, and in how many seconds, rates at n frames are taken."""
 
     before: Shaped[Int, " n"]
     after: Shaped[Int, " n"]
@@ -223,7 +225,7 @@ def _rates(pose: Float, place_mm: Float, span: _Span) -> tuple[Float, Float]:
     return np.einsum("nij,nj->ni", first[:, :3, :3], turn) / span.took_s, moved / span.took_s
 
 
-def _turned(rotation: Float, direction: Float, span: _Span) -> Float:
+def _direction_rate(rotation: Float, direction: Float, span: _Span) -> Float:
     """Rate (n, 3), 1/s, at which directions (n, 3) in the base change in the view: what follows an edge turns none."""
     local = np.einsum("nji,nj->ni", rotation, direction)
     return np.asarray((local[span.after] - local[span.before]) / span.took_s)
@@ -242,7 +244,7 @@ class _Channel(NamedTuple):
 
     shown: Shaped[Float, " b"]
     by_rate: Shaped[Float, "b k"]  # a constant one, and terms by which it walks, over USUAL_S
-    beside: Shaped[Float, "b j"]  # what else may go with the scanner, by as much as is usual
+    confounders: Shaped[Float, "b j"]  # what else may go with the scanner, by as much as is usual
     free: int  # of the bins
 
 
@@ -261,9 +263,9 @@ def _turning(face: FaceAlong, rate: Float, orientation: Float, edges: Int) -> _C
     known = twisted(_mean(face.s, edges), DEGREE)
     by_rate = USUAL_S * _mean(rate, edges)[:, None] * _walk(edges.size - 1, np.eye(WALK + 1))
     sways = np.ptp(orientation, axis=0).max() < MOST_SWAY
-    beside, left = (SHEARED if sways else 1.0) * _mean(orientation, edges), medians(face.angle, edges)
-    left, by_rate, beside = (of - known @ (known.T @ of) for of in (left, by_rate, beside))
-    return _Channel(left, by_rate, beside, len(left) - known.shape[1])
+    confounders, left = (SHEARED if sways else 1.0) * _mean(orientation, edges), medians(face.angle, edges)
+    left, by_rate, confounders = (of - known @ (known.T @ of) for of in (left, by_rate, confounders))
+    return _Channel(left, by_rate, confounders, len(left) - known.shape[1])
 
 
 def _moving(face: FaceAlong, flow: Float, edges: Int) -> _Channel:
@@ -276,7 +278,7 @@ def _moving(face: FaceAlong, flow: Float, edges: Int) -> _Channel:
     return _Channel(shown, USUAL_S * along[:, None], np.zeros((shown.size, 0)), shown.size - known.shape[1])
 
 
-def _told(channel: _Channel) -> tuple[float, Float, Float]:
+def _offset_estimate(channel: _Channel) -> tuple[float, Float, Float]:
     """How many times more than noise an offset explains, 0 where it is not certain; the terms of its walk, s; their
     covariance.
     """
@@ -301,7 +303,7 @@ class _Fitted(NamedTuple):
 
 def _fitted(channel: _Channel, terms: int) -> _Fitted:
     """An offset by so many terms, beside what else goes with the scanner."""
-    columns = np.concatenate([channel.by_rate[:, :terms], channel.beside], axis=1)
+    columns = np.concatenate([channel.by_rate[:, :terms], channel.confounders], axis=1)
     left, size, right = np.linalg.svd(columns, full_matrices=False)
     along, noise = left.T @ channel.shown, 0.0
     for _ in range(SETTLED):

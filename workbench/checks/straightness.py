@@ -23,7 +23,7 @@ NEXT = 2  # places at the least on each side of a corner
 BETTER = 2.5  # times what two straight pieces leave in squares: by how much less it is than what a parabola leaves
 SURE_BOW = 3.0  # standard uncertainties by which a bow is one
 SURE_CORNER = 6.0  # likewise a corner: 30 compound bevels have 35 and more, noise that columns share 4
-BESIDE = 0.02  # of its width, within which a face with a corner of up to 4.5 deg stays beside its line
+STRAY_SHARE = 0.02  # of its width, within which a face with a corner of up to 4.5 deg stays beside its line
 LEAST_MM = 3e-4  # rms of what is left: no sensor knows its own errors better
 ALONE = 45.0 * DEG  # turn of the corner beside a face of which it is not known: bevels have as much
 NAMES = {ROOT_FACE: "root face", BEVEL_FACE: "bevel face"}
@@ -130,7 +130,7 @@ def _left(x: Float32, z: Float32, keep: Bool, labels: AnyArray, label: int, left
         for k in range(size):
             along = (x[i, on[k]] - line[0]) * line[2] + (z[i, on[k]] - line[1]) * line[3]
             first, last = min(first, along), max(last, along)
-        stray = max(stray, BESIDE * (last - first))
+        stray = max(stray, STRAY_SHARE * (last - first))
         total[:], count[:] = 0.0, 0.0
         for k in range(size):
             if off[k] <= stray:

@@ -49,9 +49,11 @@ def as_delivered(recording: Recording) -> Recording:
 def end_step_check(column: Int, limits: Mapping[str, Bound] | None = None) -> Check:
     """The check that the columns (n,) in which a face ends are no steps of a window that follows the part."""
     step = _steps_of(column)
-    told = f"the face ends at every {step}th column alone: a window of the sensor that follows the part in steps, and "
-    told += "cuts it? widen it, or hold it still"
-    return check("end_step_columns", step, told if step else "the face ends in any column", given=limits)
+    finding = (
+        f"the face ends at every {step}th column alone: a window of the sensor that follows the part in steps, and "
+        "cuts it? widen it, or hold it still"
+    )
+    return check("end_step_columns", step, finding if step else "the face ends in any column", given=limits)
 
 
 def _steps_of(column: Int) -> int:

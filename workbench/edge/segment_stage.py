@@ -14,7 +14,7 @@ from pydantic import Field
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Check, Cloud, MilledEdge
 from workbench.checks.corners import ledge_takes_mm
 from workbench.checks.end_face import edge_break_check
-from workbench.checks.faces import FURTHER, Shown, require_bevel, require_columns
+from workbench.checks.faces import FURTHER, ViewContext, require_bevel, require_columns
 from workbench.checks.judge import refuse_failed
 from workbench.checks.levels import BEHIND
 from workbench.checks.limits import judged_by
@@ -138,10 +138,10 @@ def segment(
     better, errors = without_column_errors(cloud, tracked.labels, tracked.faces, linearity)
     if better is not cloud:
         cloud, tracked = better, find(better)
-    shown = shown_beside(cloud, tracked, root_nominal_mm, bevel_nominal_deg)
+    context = view_context(cloud, tracked, root_nominal_mm, bevel_nominal_deg)
     rounding = _broken_end(cloud, tracked, 0.0, edge_condition)
-    shown = shown._replace(rim_mm=max(shown.rim_mm, rounding.size_mm))
-    checks = (columns, *require_bevel(cloud, tracked.labels, shown, limits))
+    context = context._replace(rim_mm=max(context.rim_mm, rounding.size_mm))
+    checks = (columns, *require_bevel(cloud, tracked.labels, context, limits))
     if rounding.size_mm > 0.0:
         tracked = find(cloud, rim_mm=rounding.rim_mm)
         rounding = _broken_end(cloud, tracked, rounding.rim_mm, edge_condition)
@@ -154,8 +154,8 @@ def segment(
         edge = milled_edge(cloud, tracked, measured, rounding, declared, checks)
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
-    doubts = [] if shown.upper_seen or shown.lower_seen else [BY_NOMINAL]
-    doubts += [BY_TABLE] if shown.lies_on else []
+    doubts = [] if context.upper_seen or context.lower_seen else [BY_NOMINAL]
+    doubts += [BY_TABLE] if context.lies_on else []
     ends = root_end_check(cloud, tracked)
     doubts += by_window(ends)
     doubts += [COMPOUND] if _value(checks, FURTHER) else []
@@ -172,7 +172,7 @@ def _broken_end(cloud: Cloud, tracked: TrackedFaces, rim_mm: float, condition: E
     return broken_end(cloud, root_rim(tracked, rim_mm), is_free_end(tracked), condition, corner)
 
 
-def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, bevel_nominal_deg: float) -> Shown:
+def view_context(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, bevel_nominal_deg: float) -> ViewContext:
     """What the view shows beside both faces, to tell whether they are root face and bevel face."""
     passes = by_pass(cloud.pass_index, tracked.seen)
     upper, lower = (
@@ -180,7 +180,7 @@ def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, be
     )
     root, bevel = (np.arctan(tracked.faces[one].slope) for one in (ROOT_FACE, BEVEL_FACE))
     lies_on = bool(tracked.lies_on[tracked.seen].mean() > 0.5)
-    return Shown(
+    return ViewContext(
         two_plates_share(cloud),
         1.0 - float(tracked.end_is_cut[tracked.seen].mean()),
         _reach_mm(tracked) / root_nominal_mm,

@@ -83,7 +83,7 @@ class FaceRim:
     sense: Shaped[Float, " N"]  # +1: z counts away from the sensor
     on_line: bool  # where that return's ray meets the line, the end is told; False: at the return
     left_out_mm: float = 0.0  # of the face before that end, along x, that its line does not rest on
-    beside: FaceLines | None = None  # the face that it meets in a corner
+    adjacent: FaceLines | None = None  # the face that it meets in a corner
     upper: FaceLines | None = None  # the surface beyond that one, square to the face
 
 
@@ -152,11 +152,11 @@ class BrokenEnd:
             return self
         cell = stretches(s[known], CELL_MM)
         ends = np.stack([_by_cells(cell[on[known]], end_mm[known & on], int(cell.max()) + 1) for on, _ in views])
-        beside = _beside(np.isfinite(ends))
-        if len(beside) < 2:
+        overlap = _common_views(np.isfinite(ends))
+        if len(overlap) < 2:
             return self
-        apart_from_these = [view for k, view in enumerate(views) if k not in beside]
-        views, ends = [views[k] for k in beside], ends[beside]
+        apart_from_these = [view for k, view in enumerate(views) if k not in overlap]
+        views, ends = [views[k] for k in overlap], ends[overlap]
         shared = ends[:, np.isfinite(ends).all(axis=0)]
         off = shared - shared.mean(axis=0)
         place, noise = off.mean(axis=1)[:, None], off.var(axis=1, ddof=1)[:, None] / shared.shape[1]
@@ -204,7 +204,7 @@ def _one_edge_log(at: Float, spread: Float, alike: Float, alone: Float) -> tuple
     return -0.5 * (misfit + np.linalg.slogdet(covariance)[1] + np.log(total)), misfit
 
 
-def _beside(known: Bool) -> list[int]:
+def _common_views(known: Bool) -> list[int]:
     """Of views that know some cells (v, c) those that lie beside each other, from the two that share most on; or none.
 
     A pass of another part of the edge, or a frame or two that show a corner, say nothing of where the others end.
@@ -311,8 +311,8 @@ def _own_break(cloud: Cloud, rim: FaceRim, shown: EndFrames, unseen_mm: float, f
     grows = mean - middle * np.gradient(mean, middle)  # by the logarithm of the scale
     noise = 0.5 * np.cov(np.diff(shown.depth, axis=0).T) + DEPTH_U_MM**2 * np.eye(mean.size)
     gain = np.linalg.solve(noise + free_depths(shown.edges_mm), grows)
-    told = float(grows @ gain)
-    scale = (shown.depth - mean) @ gain / (told + 1.0 / (len(shown.depth) * USUALLY_WITHIN**2))
+    information = float(grows @ gain)
+    scale = (shown.depth - mean) @ gain / (information + 1.0 / (len(shown.depth) * USUALLY_WITHIN**2))
     value = shown.further_mm + unseen_mm * scale
     lean = np.arctan(_recession(rim, shown.frames))
     lean -= lean.mean()
@@ -393,24 +393,26 @@ def _footprints(cloud: Cloud, rim: FaceRim, here: Bool) -> Float:
     wide = np.maximum(half, 0.5)
     cut = np.where(half > 0.5, (wide**3 - (wide - 0.5) ** 3) / (6.0 * wide), half**2 / 6.0)
     log = np.zeros(half.size)
-    if rim.beside is None:
+    if rim.adjacent is None:
         return np.full(half.size, 1.0 / half.size)
     for one in np.unique(cloud.pass_index[here]):
-        blunt, u = _bluntness(cloud, rim, rim.beside, here & (cloud.pass_index == one))
+        blunt, u = _bluntness(cloud, rim, rim.adjacent, here & (cloud.pass_index == one))
         spread = np.hypot(u, CUT_SPREAD * cut)
         log += np.log((1.0 - WORN) * np.exp(-0.5 * ((blunt - cut) / spread) ** 2) / spread + WORN)
     return shares(log)
 
 
-def _bluntness(cloud: Cloud, rim: FaceRim, beside: FaceLines, here: Bool) -> tuple[float, float]:
+def _bluntness(cloud: Cloud, rim: FaceRim, adjacent: FaceLines, here: Bool) -> tuple[float, float]:
     """What is cut off the corner of two faces in the columns that see it, in columns times the fold; and its u."""
-    face, frames = rim.face, _sampled(here & (np.minimum(rim.face.count, beside.count) > LEAST_GROUPS))
+    face, frames = rim.face, _sampled(here & (np.minimum(rim.face.count, adjacent.count) > LEAST_GROUPS))
     if frames.size < LEAST_FRAMES:
         return 0.0, 1.0
     x = cloud.x_mm[frames].astype(np.float64)
-    fold = (beside.slope - face.slope)[frames]
-    corner = face.crossing(beside)[frames]
-    lines = [of.z_mean[frames, None] + of.slope[frames, None] * (x - of.x_mean[frames, None]) for of in (face, beside)]
+    fold = (adjacent.slope - face.slope)[frames]
+    corner = face.crossing(adjacent)[frames]
+    lines = [
+        of.z_mean[frames, None] + of.slope[frames, None] * (x - of.x_mean[frames, None]) for of in (face, adjacent)
+    ]
     pitch = column_pitch_mm(cloud.x_mm[frames])
     way = (x - corner[:, None]) * rim.side[frames, None] / pitch
     off = (np.where(way > 0.0, *lines) - cloud.z_mm[frames]) / (rim.side[frames] * fold * pitch)[:, None]
@@ -484,20 +486,20 @@ def _incidences(cloud: Cloud, rim: FaceRim, frames: Int, lean: float) -> Float:
 
     The face beside it ends in columns that are dark in these frames and live in others.
     """
-    if rim.upper is None or rim.beside is None or (rim.upper.count[frames] > 2).mean() > SELDOM:
+    if rim.upper is None or rim.adjacent is None or (rim.upper.count[frames] > 2).mean() > SELDOM:
         return ALL_RETURN
-    if not _ends_in_the_dark(cloud, rim.beside, rim.face, frames):
+    if not _ends_in_the_dark(cloud, rim.adjacent, rim.face, frames):
         return ALL_RETURN
     return np.asarray(OTHERWISE + (1.0 - OTHERWISE) * (1.0 - reaches(0.5 * math.pi - lean)))
 
 
-def _ends_in_the_dark(cloud: Cloud, beside: FaceLines, face: FaceLines, frames: Int) -> bool:
+def _ends_in_the_dark(cloud: Cloud, adjacent: FaceLines, face: FaceLines, frames: Int) -> bool:
     """Whether nothing returns beyond what stands beside a face, on its other side, though columns there are live."""
-    frames = frames[beside.count[frames] > 2]
+    frames = frames[adjacent.count[frames] > 2]
     if frames.size < LEAST_FRAMES:
         return False
-    rises = beside.columns[frames].sum(axis=1) > face.columns[frames].sum(axis=1)
-    last = np.where(rises, beside.columns[frames, 1], -beside.columns[frames, 0])
+    rises = adjacent.columns[frames].sum(axis=1) > face.columns[frames].sum(axis=1)
+    last = np.where(rises, adjacent.columns[frames, 1], -adjacent.columns[frames, 0])
     beyond = np.abs(last)[:, None] + np.where(rises, 1, -1)[:, None] * DARK_COLUMNS
     inside = ((beyond >= 0) & (beyond < cloud.keep.shape[1])).all(axis=1)
     if inside.sum() < LEAST_FRAMES:
@@ -529,17 +531,17 @@ def _fills(cloud: Cloud, rim: FaceRim, frames: Int, moving: bool) -> Float:
     if cloud.intensity is not None and moving:
         light = cloud.intensity[frames]
         on_face = returned & (column >= first[:, None]) & (column < last[:, None])
-        told = _told_fills(light[returned], light[on_face], light[behind & (beyond > 2) & (beyond < 5)])
-        if told is not None:
+        by_light = _fills_by_light(light[returned], light[on_face], light[behind & (beyond > 2) & (beyond < 5)])
+        if by_light is not None:
             shares = np.array([1.0 - rivalled, 0.5 * rivalled, 0.5 * rivalled])
             out[:, 1] *= NO_LIGHT
-            out = np.concatenate([out, np.stack([told, (1.0 - NO_LIGHT) * shares], axis=1)])
+            out = np.concatenate([out, np.stack([by_light, (1.0 - NO_LIGHT) * shares], axis=1)])
     out = out[out[:, 1] > UNLIKELY]
     return np.asarray(out / [1.0, out[:, 1].sum()])
 
 
-def _told_fills(light: AnyArray, on_face: AnyArray, rival: AnyArray) -> Float | None:
-    """Fills by the light of all returns, of those on a face, and of what lies behind its end: (3,); None: not told.
+def _fills_by_light(light: AnyArray, on_face: AnyArray, rival: AnyArray) -> Float | None:
+    """Fills by the light of all returns, of those on a face, and of what lies behind its end: (3,); None: unknown.
 
     Where nothing rivals; where a pixel returns what gives it more light; where it returns the brighter, however little.
     """
@@ -561,8 +563,8 @@ def _between(depth: Float) -> Float:
     """Depths (f, g) with what a frame does not show between two groups that it does: its returns may lie at the limits
     of the groups, one by one on this side or that.
     """
-    beside = 0.5 * (depth[:, :-2] + depth[:, 2:])
-    return np.concatenate([depth[:, :1], np.where(np.isnan(depth[:, 1:-1]), beside, depth[:, 1:-1]), depth[:, -1:]], 1)
+    mean = 0.5 * (depth[:, :-2] + depth[:, 2:])
+    return np.concatenate([depth[:, :1], np.where(np.isnan(depth[:, 1:-1]), mean, depth[:, 1:-1]), depth[:, -1:]], 1)
 
 
 def end_groups(columns: float) -> Float:

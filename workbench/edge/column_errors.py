@@ -38,7 +38,7 @@ LENGTHS = np.array([0.5, 2.0, 8.0, 32.0, 128.0, 512.0])
 SMOOTH_COLUMNS, SMOOTH_MM = 20.0, 0.015  # over more columns an error is a matter of linearity: no sensor errs by more
 UNLIKELY, LEAST_MM = 1e-5, 1e-4  # shares, and errors, that count for nothing
 NUGGET = 1e-9  # for rounding
-TOLD_MM = 0.001
+LEAST_REPORTED_MM = 0.001
 TAKEN_OFF = "The sensor errs by its columns, by {:.0f} um rms in all frames: that is taken off, its rest is in u."
 
 
@@ -61,10 +61,11 @@ def declared_linearity(sensor: Path | None) -> Linearity:
     """The linearity that a `sensor.json` declares; the default where there is none, or it says nothing of it."""
     from workbench.result_files import SensorFile  # pydantic: loaded when there is something to read
 
-    told = SensorFile() if sensor is None else SensorFile.read(sensor)
+    declared = SensorFile() if sensor is None else SensorFile.read(sensor)
     usual = Linearity()
     return Linearity(
-        usual.rms_mm if told.linearity_mm is None else told.linearity_mm, told.linearity_length_mm or usual.length_mm
+        usual.rms_mm if declared.linearity_mm is None else declared.linearity_mm,
+        declared.linearity_length_mm or usual.length_mm,
     )
 
 
@@ -78,8 +79,8 @@ class ColumnErrors(NamedTuple):
     def common(self, one: Float, other: Float) -> Float:
         """Covariances (k, p, q), mm^2, of what is open at columns (k, p) and (k, q)."""
         last = self.node.size - 1
-        at, beside = (self.node[of.round().astype(np.int64).clip(0, last)] for of in (one, other))
-        return np.asarray(self.covariance[at[:, :, None], beside[:, None, :]])
+        at, there = (self.node[of.round().astype(np.int64).clip(0, last)] for of in (one, other))
+        return np.asarray(self.covariance[at[:, :, None], there[:, None, :]])
 
 
 def without_column_errors(
@@ -95,11 +96,11 @@ def without_column_errors(
     return replace(cloud, z_mm=z_mm), errors
 
 
-def told_of(errors: Mapping[int, ColumnErrors]) -> tuple[str, ...]:
+def correction_notes(errors: Mapping[int, ColumnErrors]) -> tuple[str, ...]:
     """What was taken off, in words; (): hardly anything."""
     rms_mm = [float(np.std(one.mean_mm[one.mean_mm != 0.0])) for one in errors.values() if one.mean_mm.any()]
     most_mm = max(rms_mm, default=0.0)
-    return (TAKEN_OFF.format(1000.0 * most_mm),) if most_mm > TOLD_MM else ()
+    return (TAKEN_OFF.format(1000.0 * most_mm),) if most_mm > LEAST_REPORTED_MM else ()
 
 
 def column_errors(
@@ -113,14 +114,14 @@ def column_errors(
     few = [mine[evenly(mine.size, SAMPLE_FRAMES)] for mine in by_pass(cloud.pass_index)]
     frames = np.concatenate(few)
     begins = np.cumsum([0, *(part.size for mine in few for part in np.array_split(mine, PARTS))])
-    told = {}
+    equations = {}
     for label, face in faces.items():
         off = cloud.z_mm[frames] - face.z_at(frames, cloud.x_mm[frames])
         on = (labels[frames] == label) & cloud.keep[frames] & np.isfinite(off)
         count = on.sum(axis=1)
         if (count >= LEAST_RETURNS).mean() > MOSTLY and np.median(count) <= PLACES:
-            told[label] = _told(cloud.x_mm[frames], off, on, begins, sensor)
-    every = {label: _looks(one) for label, one in told.items()}
+            equations[label] = _normal_equations(cloud.x_mm[frames], off, on, begins, sensor)
+    every = {label: _looks(one) for label, one in equations.items()}
     looks = {label: look for label, look in every.items() if look.size < LIKE_PRIOR}
     possible = (LENGTHS[:, None] < SMOOTH_COLUMNS) | (ERRORS_MM < SMOOTH_MM)
     rarer = np.where(possible, np.minimum(1.0, USUAL_MM / ERRORS_MM), 0.0)
@@ -128,18 +129,18 @@ def column_errors(
         prior = np.log(ERRS * rarer / rarer.sum())
     log = sum((look.log for look in looks.values()), prior)
     share = shares(np.append(log.ravel(), math.log1p(-ERRS)))[:-1].reshape(prior.shape)
-    return {label: _mean(told[label], look, share) for label, look in looks.items()}
+    return {label: _mean(equations[label], look, share) for label, look in looks.items()}
 
 
-class _Told(NamedTuple):
-    """What the returns of a face tell of the errors at n nodes, whatever its form is."""
+class _NormalEquations(NamedTuple):
+    """The errors at n nodes as the returns of a face determine them, whatever its form is."""
 
     node: Shaped[Int, " M"]  # of each column
     normal: Shaped[Float, "n n"]  # 1 / mm^2
     force: Shaped[Float, " n"]  # 1 / mm
 
 
-def _told(x: Float32, off: Float, on: Bool, begins: Int, sensor: Linearity) -> _Told:
+def _normal_equations(x: Float32, off: Float, on: Bool, begins: Int, sensor: Linearity) -> _NormalEquations:
     """Of frames (f, M): returns `on` a face, `off` its line; each frame's line is free, and the form in each part.
 
     begins: of the parts, and the number of frames.
@@ -165,7 +166,7 @@ def _told(x: Float32, off: Float, on: Bool, begins: Int, sensor: Linearity) -> _
         beyond = (column - low[frame], high[frame] - column)
         at = [node[column]]
         at += [nodes + k * PLACES + one.clip(0, PLACES - 1) for k, one in enumerate(beyond)]
-        left = _beside(off[begin:end], mine, at[1] - nodes)
+        left = _residuals(off[begin:end], mine, at[1] - nodes)
         weight = 1.0 / (columns * _together(left.T) * (float((left[mine] ** 2).mean()) + LEAST_MM**2))
         full, pull = _normal(frame, at, nodes + 2 * PLACES, x[begin:end][mine], off[begin:end][mine], weight)
         free = weight * full[form, form] + np.eye(2 * PLACES) / (FORM**2 * variance)
@@ -177,7 +178,7 @@ def _told(x: Float32, off: Float, on: Bool, begins: Int, sensor: Linearity) -> _
     middle_mm = pitch_mm * np.bincount(node, np.arange(node.size)) / np.bincount(node)
     noise = np.eye(nodes) + normal @ sensor.covariance(middle_mm[:, None] - middle_mm)
     normal, force = (np.asarray(np.linalg.solve(noise, one), np.float64) for one in (normal, force))
-    return _Told(node, normal, force)
+    return _NormalEquations(node, normal, force)
 
 
 def _normal(frame: Int, at: Sequence[Int], size: int, x: AnyArray, off: AnyArray, weight: float) -> tuple[Float, Float]:
@@ -216,7 +217,7 @@ def _together(left: Float) -> float:
     return max((1.0 + shared) / (1.0 - shared), 1.0)
 
 
-def _beside(off: Float, on: Bool, place: Int) -> Float:
+def _residuals(off: Float, on: Bool, place: Int) -> Float:
     """What frames (f, M) have beside what columns and places on the face have on average; 0 where not `on`."""
     frame, column = np.nonzero(on)
     left = off[frame, column]
@@ -237,13 +238,13 @@ class _Looks(NamedTuple):
     size: float  # mean square of the likeliest errors over what their own process makes: 1 at most, or it is none
 
 
-def _looks(told: _Told) -> _Looks:
-    column = np.arange(len(told.force))
+def _looks(equations: _NormalEquations) -> _Looks:
+    column = np.arange(len(equations.force))
     alike = np.exp(-np.abs(column[:, None] - column) / LENGTHS[:, None, None])
-    root = np.linalg.cholesky(alike + NUGGET * np.eye(len(told.force)))
-    known, vector = np.linalg.eigh(root.swapaxes(1, 2) @ told.normal @ root)
+    root = np.linalg.cholesky(alike + NUGGET * np.eye(len(equations.force)))
+    known, vector = np.linalg.eigh(root.swapaxes(1, 2) @ equations.normal @ root)
     known, basis = known.clip(0.0), root @ vector
-    along, variance = told.force @ basis, ERRORS_MM[:, None] ** 2
+    along, variance = equations.force @ basis, ERRORS_MM[:, None] ** 2
     gain = along[:, None] ** 2 * variance / (1.0 + variance * known[:, None])
     log = 0.5 * (gain - np.log1p(variance * known[:, None])).sum(axis=2)
     k, e = np.unravel_index(log.argmax(), log.shape)
@@ -251,13 +252,13 @@ def _looks(told: _Told) -> _Looks:
     return _Looks(basis, known, along, log, float((likeliest**2).mean()))
 
 
-def _mean(told: _Told, looks: _Looks, share: Float) -> ColumnErrors:
+def _mean(equations: _NormalEquations, looks: _Looks, share: Float) -> ColumnErrors:
     """Mean and covariance over lengths and strengths, by their shares (l, s); the rest: no errors."""
-    nodes = len(told.force)
+    nodes = len(equations.force)
     mean, square = np.zeros(nodes), np.zeros((nodes, nodes))
     for k, e in np.argwhere(share > UNLIKELY):
         variance = 1.0 / (looks.known[k] + 1.0 / ERRORS_MM[e] ** 2)
         basis, one = looks.basis[k], looks.basis[k] @ (variance * looks.along[k])
         mean += share[k, e] * one
         square += share[k, e] * (np.outer(one, one) + (basis * variance) @ basis.T)
-    return ColumnErrors(mean[told.node], told.node, square - np.outer(mean, mean))
+    return ColumnErrors(mean[equations.node], equations.node, square - np.outer(mean, mean))

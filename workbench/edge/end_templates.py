@@ -75,8 +75,8 @@ class EndTemplates(NamedTuple):
         """The sharp end, and the `likely` (t,) others cut in three by size, a `step` of its logarithm, and by turn."""
         third = np.array([-1.0, 0.0, 1.0]) / 3.0
         out = [(self.log_prior[:1], self.size_mm[:1], self.turn[:1])]
-        for turned, turns in ((False, np.zeros(1)), (True, third * (TURNS[1] - TURNS[0]))):
-            of = np.flatnonzero(likely & (self.size_mm > 0.0) & ((self.turn > 0.0) == turned))
+        for is_chamfer, turns in ((False, np.zeros(1)), (True, third * (TURNS[1] - TURNS[0]))):
+            of = np.flatnonzero(likely & (self.size_mm > 0.0) & ((self.turn > 0.0) == is_chamfer))
             which, size, turn = (a.ravel() for a in np.meshgrid(of, third * step, turns, indexing="ij"))
             parts = third.size * turns.size
             out.append(
@@ -220,11 +220,11 @@ def _looked(view: EndView, looks: list[Float]) -> _Looked:
     shape = looks[0].size, prior.size, len(view.phases)
     of, pixel, phase = (np.ravel(one) for one in np.indices(shape))
     size, turn, incidence, onward = (one[of] for one in looks)
-    fall, aside, past = rendered_end(view, size, turn, incidence, pixel, phase, onward)
-    seen = fall - aside * view.nearer
+    fall, shift, past = rendered_end(view, size, turn, incidence, pixel, phase, onward)
+    seen = fall - shift * view.nearer
     covariance, own = view.known.noise + view.known.free, QUARTER * fall
     score, hooked, amount = np.empty((3, of.size))
-    hook = HOOK_MM / view.step_mm * aside
+    hook = HOOK_MM / view.step_mm * shift
     _log_likelihoods(view.known.mean, covariance, seen, own, hook, score, hooked, amount)
     score = np.logaddexp(math.log(1.0 - HOOKED) + score, math.log(HOOKED) + hooked)
     seen += (HOOKED * np.exp(hooked - score) * amount)[:, None] * hook
@@ -275,14 +275,14 @@ def rendered_end(
     own_mm = shown * light  # a break gives as much light as so much of the face
     enough_mm = np.where(lit_mm < own_mm, lit_mm / np.maximum(light, 1e-3), lit_mm - own_mm + shown)
     past = 0.5 * wide_mm - np.where(onward > 0.0, lit_mm, np.minimum(enough_mm, wide_mm))
-    depth, aside = np.zeros((2, size.size, width.size))
-    _depths(known, phase, place, np.stack([past, 0.5 * wide_mm], axis=1), lean, depth, aside)
-    return depth, aside, past
+    depth, shift = np.zeros((2, size.size, width.size))
+    _depths(known, phase, place, np.stack([past, 0.5 * wide_mm], axis=1), lean, depth, shift)
+    return depth, shift, past
 
 
 @kernel
-def _depths(known: Float, phase: Int, place: Float, pixels: Float, lean: float, out: Float, aside: Float) -> None:
-    """Fill in depths (n, g) under the line of n templates, known (n, 5), and `aside` (n, g) as `rendered_end` has it.
+def _depths(known: Float, phase: Int, place: Float, pixels: Float, lean: float, out: Float, shift: Float) -> None:
+    """Fill in depths (n, g) under the line of n templates, known (n, 5), and `shift` (n, g) as `rendered_end` has it.
 
     These are the radius or 0, what is seen, the fall of a chamfer, where the lower surface begins, and the size.
 
@@ -296,7 +296,7 @@ def _depths(known: Float, phase: Int, place: Float, pixels: Float, lean: float, 
             total, count = 0.0, 0
             for q in range(place.shape[2]):
                 middle = place[phase[n], g, q] - past
-                aside[n, g] += 0.5 * max(half - middle, 0.0) / place.shape[2]
+                shift[n, g] += 0.5 * max(half - middle, 0.0) / place.shape[2]
                 if middle - half > shown + ROUNDING:
                     count += WITHIN.size
                     continue

@@ -203,16 +203,16 @@ class _CommonUp(NamedTuple):
 
 
 def _common_up(cloud: Cloud, passes: Sequence[slice | Int], first: Sequence[Readings]) -> _CommonUp:
-    """What one pass leaves open, another tells."""
+    """What one pass leaves open, another decides."""
     read = [(one, cloud.base_from_profiler[frames][keys]) for frames, (keys, one) in zip(passes, first, strict=True)]
     ups = np.array([_mean_up(*one) for one in read])
     ups = ups[np.linalg.norm(ups, axis=1) > TOGETHER]
     if (ups @ ups.T > 0.0).all():
         return _CommonUp()
-    told = np.array([[_most_votes(_rising(*one, up)) for one in read] for up in [*ups, None]])
-    total = told[:-1].sum(axis=1)
+    support = np.array([[_most_votes(_rising(*one, up)) for one in read] for up in [*ups, None]])
+    total = support[:-1].sum(axis=1)
     best = int(total.argmax())
-    if (told[-1] - told[best] > [CONTEXT * len(one) for one, _ in read]).any():  # it turns along the edge
+    if (support[-1] - support[best] > [CONTEXT * len(one) for one, _ in read]).any():  # it turns along the edge
         return _CommonUp()
     other = total[ups @ ups[best] < 0.0].max(initial=0.0)
     return _CommonUp(ups[best], float(total[best] - other) / sum(len(one) for one, _ in read))

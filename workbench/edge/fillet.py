@@ -100,10 +100,12 @@ class Fillets:
 
         And by the sensor's own error, rms: a wave of it that bends an arc to another arc leaves nothing.
         """
-        told = [one for one in self._all if np.isfinite(one.left_mm).all()]
-        if not told:
+        complete = [one for one in self._all if np.isfinite(one.left_mm).all()]
+        if not complete:
             return 0.0, 0.0
-        radius, level, _ = np.median([one.form_u(0.0) for one in told], axis=0) * math.hypot(misfit_mm(told), sensor_mm)
+        radius, level, _ = np.median([one.form_u(0.0) for one in complete], axis=0) * math.hypot(
+            misfit_mm(complete), sensor_mm
+        )
         return float(radius), float(level)
 
 

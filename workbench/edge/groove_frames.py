@@ -32,7 +32,7 @@ SAMPLE = 24  # profiles that show which way is up
 FEW, COLUMNS = 10, 400  # profiles that show whether there are two plates, and about how many columns of each
 LOOKED_AT = 100  # and eight times as many profiles, among which these are
 LEAST_RETURNS = 50  # of a profile
-LEAST_TOLD = 150  # of most profiles, for a type: of 98, a fillet of 4 mm had seven, and a U was measured as an HV
+LEAST_FOR_TYPE = 150  # of most profiles, for a type: of 98, a fillet of 4 mm had seven, and a U was measured as an HV
 NEIGHBOURS, STEADY_SIGMAS, STEADY_MM = 31, 5.0, 0.3  # profiles; corners further off their running median are false
 LEAST_FACE = 0.34  # share of the profiles that show a face, for a plate to have it
 FLUSH = 0.5  # of the depth: the level of one plate of a groove is off that of the other by less
@@ -68,11 +68,11 @@ def read_frames(cloud: Cloud) -> ReadFrames:
     """
     frames, profiles, way = _profiles(cloud)
     returns = int(np.median([x.size for x, _, _ in profiles])) if profiles else 0
-    if 0 < returns < LEAST_TOLD:
+    if 0 < returns < LEAST_FOR_TYPE:
         raise InputError(
             cloud.source,
-            f"expected {LEAST_TOLD} returns and more in a profile, found {returns}: too few to tell a flank with its "
-            "fillet from a bevel; record every column, or a narrower view",
+            f"expected {LEAST_FOR_TYPE} returns and more in a profile, found {returns}: too few to tell a flank with "
+            "its fillet from a bevel; record every column, or a narrower view",
         )
     some = profiles[:: max(1, len(profiles) // SAMPLE)]
     up = upwards([p[0] for p in some], [p[1] for p in some])

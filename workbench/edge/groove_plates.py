@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.artefacts import Cloud
-from workbench.edge.column_errors import Linearity, told_of, without_column_errors
+from workbench.edge.column_errors import Linearity, correction_notes, without_column_errors
 from workbench.edge.directions import wrapped
 from workbench.edge.fillet import Fillets, fit_below_flank, fit_circle
 from workbench.edge.groove_frames import LEAST_FACE, ReadFrames, middles
@@ -152,7 +152,7 @@ def plates(
             for one, label in zip(faces[k], shown[k], strict=True)
         ]
         out.append(_plate(_View(mine, read, curve, s, turn, middle, k), sections[k], images))
-    return (out[0], out[1]), labels, tilt, about, told_of(errors)
+    return (out[0], out[1]), labels, tilt, about, correction_notes(errors)
 
 
 def _noise(face: FaceLines) -> Float:
@@ -179,16 +179,16 @@ class _View:
     @property
     def wander(self) -> Float:
         """By how much both plates lie beside the curve (n, 2): the robot's errors."""
-        return self._turned(self.middle, self.turn)
+        return self._rotated(self.middle, self.turn)
 
     def points(self, places: Sequence[Int]) -> list[Float]:
         """Of each profile's points with these indices (k,), in its section planes: (k, 2)."""
         frame = np.repeat(np.arange(len(places)), [one.size for one in places])
         column = np.concatenate([of[one] for of, one in zip(self.read.columns, places, strict=True)])
         _, place = in_section(self.cloud.placed(frame, column), self.curve, self.s[frame])
-        return np.split(self._turned(place, self.turn[frame]), np.cumsum([one.size for one in places])[:-1])
+        return np.split(self._rotated(place, self.turn[frame]), np.cumsum([one.size for one in places])[:-1])
 
-    def _turned(self, place: Float, turn: Float) -> Float:
+    def _rotated(self, place: Float, turn: Float) -> Float:
         c, d, mirror = np.cos(turn), np.sin(turn), (1.0, -1.0)[self.which]
         return np.stack([mirror * (place[:, 0] * c + place[:, 1] * d), place[:, 0] * d - place[:, 1] * c], axis=1)
 
@@ -198,10 +198,10 @@ class _View:
         back = (angle > 0.0) & is_face
         return replace(
             line,
-            place=self._turned(line.place, self.turn),
+            place=self._rotated(line.place, self.turn),
             angle=np.where(back, angle - math.pi, angle),
             run=np.where(back, -line.run, line.run),
-            ray=self._turned(line.ray, self.turn),
+            ray=self._rotated(line.ray, self.turn),
         )
 
 

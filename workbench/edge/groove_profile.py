@@ -34,7 +34,7 @@ NEAR_MM = 2.0  # of a face from the corner at which it starts, with the edge's r
 ROUND_TURN, ROUND_END = 6.0 * DEG, 45.0 * DEG  # a fillet turns by more, and comes to fall by less than
 SHARP_TURN = 45.0 * DEG  # the pieces of a fillet turn by less from one to the next; a weld or a strip joins a face so
 FLANK_FALL = 60.0 * DEG  # returns below a flank that is not seen fall by less where they are the fillet's
-ASIDE_OF_EDGE_MM = 4.0  # at most, of a face, or the first return of such a fillet, from the upper surface's end
+EDGE_OFFSET_MM = 4.0  # at most, of a face, or the first return of such a fillet, from the upper surface's end
 TRIM_MM = 0.35  # left out of a face beside a corner: rounding and mixed pixels
 ROUNDED_MM = 0.5  # the greatest rounding of an edge that is followed
 ROUND_MORE = 0.5  # of the seen pieces of a rounding: so much more of it lies within ON_MM of the face
@@ -45,7 +45,7 @@ SHARED = 2  # returns at a root that may belong to both plates, where there is n
 LINKED_MM = 0.6  # lines and returns so near are one surface
 STEEP_STEP_MM = 1.5  # returns on a steep face lie so far apart at most; on two surfaces further
 SEEN_BELOW = 8  # so many returns of one below an edge are a face
-BELOW_MM, ASIDE_MM = 0.12, 0.35  # returns of a root face lie so far below the root at least, so far aside at most
+BELOW_MM, LATERAL_MM = 0.12, 0.35  # returns of a root face lie so far below the root at least, so far aside at most
 LEAST_VOTES = 0.25  # share of the profiles that show more of them below the plates than above
 LEVEL_MM, LEVEL_RETURNS = 0.3, 24  # of a surface, that show whether it is level
 MOST_LEAN = math.tan(20.0 * DEG)  # a root face leans by less from the square to its plate, as few returns show it
@@ -219,7 +219,7 @@ def _side(x: Float, y: Float, lines: Float, plate: Float, over: bool) -> Side | 
         first, last = int(line[FIRST]), int(line[LAST])
         if math.hypot(x[first] - corner[0], y[first] - corner[1]) > NEAR_MM:
             break
-        if not -ASIDE_OF_EDGE_MM < x[end] - cross < NEAR_MM:
+        if not -EDGE_OFFSET_MM < x[end] - cross < NEAR_MM:
             break  # the other plate's face
         trim = _trim_mm(x, y, corner, rounded)
         upper = on[x[on] < cross - trim]
@@ -418,7 +418,7 @@ def _hidden_fillet(x: Float, y: Float, above: Float, lines: Float, level: float,
         if first <= end:
             continue
         fall = level - math.atan(line[SLOPE])
-        if above[first] > -DROP_MM or abs(x[first] - x[end]) > ASIDE_OF_EDGE_MM or fall < ROUND_END:
+        if above[first] > -DROP_MM or abs(x[first] - x[end]) > EDGE_OFFSET_MM or fall < ROUND_END:
             break
         arc = _fillet(x, y, lines, number, level, fall, int(line[LAST]))
         if not arc.size or above[arc[-1]] > -DROP_MM:
@@ -448,7 +448,7 @@ def _root_face(x: Float, y: Float, level: float, last: int) -> Int:
     for k in range(last + 1, min(x.size, last + 60)):
         off = np.array([x[k] - x[last], y[k] - y[last]])
         a, b = float(off @ across), float(off @ up)
-        if abs(a) > ASIDE_MM or b > low + 0.05 or b < low - STEEP_STEP_MM:
+        if abs(a) > LATERAL_MM or b > low + 0.05 or b < low - STEEP_STEP_MM:
             break
         if len(fallen) >= DROP_POINTS and low - b > max(FARTHER * float(np.median(fallen)), DROP_MM):
             break
@@ -468,10 +468,10 @@ def _root_face(x: Float, y: Float, level: float, last: int) -> Int:
 
 def _line_of(place: list[tuple[float, float]]) -> tuple[float, float, float]:
     """Mean aside and down of returns, and how far aside their line goes a mm down."""
-    aside, down = np.array(place).T
-    mean_a, mean_b = float(aside.mean()), float(down.mean())
+    lateral, down = np.array(place).T
+    mean_a, mean_b = float(lateral.mean()), float(down.mean())
     square = max(float((down - mean_b) @ (down - mean_b)), 1e-9)
-    return mean_a, mean_b, float((aside - mean_a) @ (down - mean_b)) / square
+    return mean_a, mean_b, float((lateral - mean_a) @ (down - mean_b)) / square
 
 
 def _off_face(place: list[tuple[float, float]], a: float, b: float) -> float:
@@ -511,8 +511,8 @@ def upwards(x: list[Float], z: list[Float]) -> float:
         found.append((float(last[X0] - first[X1]), float(deep)))
     width, votes = np.array(found).reshape(-1, 2).T
     votes = votes[width <= np.median(width) + LEAST_PLATE_MM] if width.size else votes
-    told = float(np.sign(votes).sum())
-    return float(np.sign(told)) if abs(told) > LEAST_VOTES * len(x) else 0.0
+    majority = float(np.sign(votes).sum())
+    return float(np.sign(majority)) if abs(majority) > LEAST_VOTES * len(x) else 0.0
 
 
 def _off(x: Float, z: Float, line: Float) -> Float:

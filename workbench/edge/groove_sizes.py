@@ -45,7 +45,7 @@ SHADOW_MM, SHADOW_COLUMNS, SHADOW_FAN = 0.3, 3.0, math.tan(3.0 * DEG)  # lower r
 GRAZING_DEG = 18.0  # between face and ray, below which a sensor may return nothing
 STEEP_DEG = 5.0  # bevels begin there (ISO 9692-1, steep-flanked V)
 EVEN = 0.1  # of the depth: the levels of two roots differ by more where plates are not prepared alike
-UNTOLD = 2.0  # a gap of which a face that is not seen may take half, or more, is not told
+LEAST_GAP = 2.0  # times what a face that is not seen may take of it; a smaller gap is withheld
 PREPARED, ROUND = ("bevel", "round", "hidden"), ("round", "hidden")  # kinds with a root, with a fillet
 NAMES = ("left", "right")
 EMPTY: Mapping[str, Float | float] = {}
@@ -150,12 +150,12 @@ class GrooveSizes:
                 self.plates[k] = replace(one, end=np.where(near[:, None], one.end, np.nan))
 
     def _section(
-        self, places: Sequence[Float], angles: Sequence[Float], told: Mapping[str, Float | float] = EMPTY
+        self, places: Sequence[Float], angles: Sequence[Float], ends: Mapping[str, Float | float] = EMPTY
     ) -> Section:
-        """The corners by the lines, and by what else is `told` of each plate.
+        """The corners by the lines, and by the `ends` of each plate.
 
-        That is how far an upper surface ends beyond its edge and a fillet lies above its level (0 where nothing is
-        told), how far the face below reaches and how deep the root face does (as each profile shows it).
+        That is how far an upper surface ends beyond its edge and a fillet lies above its level (0 where nothing
+        shows it), how far the face below reaches and how deep the root face does (as each profile shows it).
         """
         found = Section({}, {}, {}, {})
         tilt = 0.5 * (angles[0] - angles[self.right])
@@ -163,16 +163,16 @@ class GrooveSizes:
         for one, name, mirror, mine in zip(self.plates, NAMES, (1.0, -1.0), self._mine, strict=True):
             level, face = angles[mine][0], angles[mine][-1]
             down = np.stack([np.sin(level), -np.cos(level)], axis=1)
-            upper = one.corner(places[mine], angles[mine], told.get(f"{name}:edge", 0.0))
+            upper = one.corner(places[mine], angles[mine], ends.get(f"{name}:edge", 0.0))
             corners = {"upper": upper}
             if one.kind in PREPARED:
-                reach = found.reach[name] = np.asarray(told.get(f"{name}:reach", one.reach(upper, face)))
-                root = corners["root"] = one.root(upper, face, reach, told.get(f"{name}:level", 0.0))
-                foot = told.get(f"{name}:foot", self.feet.get(name))
+                reach = found.reach[name] = np.asarray(ends.get(f"{name}:reach", one.reach(upper, face)))
+                root = corners["root"] = one.root(upper, face, reach, ends.get(f"{name}:level", 0.0))
+                foot = ends.get(f"{name}:foot", self.feet.get(name))
                 if foot is not None:
                     corners["lower"] = root + (foot - ((root - upper) * down).sum(axis=1))[:, None] * down
             if one.kind in ROUND:
-                found.radius[name] = one.fillets.radius + told.get(f"{name}:radius", 0.0)
+                found.radius[name] = one.fillets.radius + ends.get(f"{name}:radius", 0.0)
             turn = np.array([[0.0, -1.0], [1.0, 0.0]]) * mirror  # of the sections' axes, with the plates
             found.at.update(
                 {f"{name}_{k}": (place * cosine + place @ turn * sine) * [mirror, 1.0] for k, place in corners.items()}
@@ -237,9 +237,9 @@ class GrooveSizes:
         self._lengths(ends)
         self._bevels(doubtful)
         square = [typical(self._down(k)) for k, one in enumerate(self.plates) if one.kind == "square"]
-        told = [depth for depth in (*square, *deep.values()) if math.isfinite(depth)]
-        self.depth = max(told, default=LEAST_DEPTH_MM)
-        self._unseen(ends, max(told, default=math.inf), doubtful)
+        depths = [depth for depth in (*square, *deep.values()) if math.isfinite(depth)]
+        self.depth = max(depths, default=LEAST_DEPTH_MM)
+        self._unseen(ends, max(depths, default=math.inf), doubtful)
 
     def _ends(self) -> dict[str, Place]:
         """What returns tell of each plate, and its fillet: as `_section` takes it, less the root faces."""
@@ -259,11 +259,11 @@ class GrooveSizes:
     def _lengths(self, ends: Mapping[str, Place]) -> None:
         """All lengths and corners: what the lines leave open, and what moves with the ends."""
 
-        def values(told: Mapping[str, Float]) -> Values:
-            return self._values(self._section(self.places, self.angles, told))
+        def values(at: Mapping[str, Float]) -> Values:
+            return self._values(self._section(self.places, self.angles, at))
 
-        told = {key: np.nan_to_num(place) for key, place in self.joint.in_frames(ends).items()}
-        own = self.joint.slopes(lambda places, angles: self._values(self._section(places, angles, told)))
+        by_frame = {key: np.nan_to_num(place) for key, place in self.joint.in_frames(ends).items()}
+        own = self.joint.slopes(lambda places, angles: self._values(self._section(places, angles, by_frame)))
         self.sizes |= self.joint.lengths(values, own, self.joint.slopes(self._followed), ends)
         self.corners = corners(self.sizes)
 
@@ -277,13 +277,13 @@ class GrooveSizes:
 
     def _bevels(self, doubtful: bool) -> None:
         """Angles of bevels and flanks: with the plates' own upper surfaces, and between both."""
-        told = {name: k for k, name in enumerate(NAMES) if self.plates[k].kind in ("bevel", "round")}
-        for name, k in told.items():
+        inclined = {name: k for k, name in enumerate(NAMES) if self.plates[k].kind in ("bevel", "round")}
+        for name, k in inclined.items():
             self._angle(f"bevel_{name}_deg", -math.pi / 2, (0, self.right)[k], -1.0, (0, self.right)[k] + 1)
-        if len(told) == 2:
+        if len(inclined) == 2:
             self._angle("included_deg", -math.pi, 1, 1.0, self.right + 1)
-        elif told and "hidden" not in [one.kind for one in self.plates] and not (doubtful and self.hides_bevels):
-            self.sizes["included_deg"] = replace(self.sizes[f"bevel_{next(iter(told))}_deg"], name="included_deg")
+        elif inclined and "hidden" not in [one.kind for one in self.plates] and not (doubtful and self.hides_bevels):
+            self.sizes["included_deg"] = replace(self.sizes[f"bevel_{next(iter(inclined))}_deg"], name="included_deg")
 
     def _angle(self, name: str, zero: float, first: int, sign: float, second: int) -> None:
         """An angle between two of the lines, from `zero` on."""
@@ -332,9 +332,9 @@ class GrooveSizes:
             reach = min(depth_mm * (math.tan(self.hidden_deg * DEG) + SHADOW_FAN), width)  # inwards
             self._hidden("gap_mm", reach)
             if "depth_mm" in self.sizes and not gap > reach:  # it may hide the root that is seen
-                self._untold("depth_mm")
-            if not gap > UNTOLD * reach:
-                self._untold("gap_mm")
+                self._withhold("depth_mm")
+            if not gap > LEAST_GAP * reach:
+                self._withhold("gap_mm")
         elif doubtful and not any(end.unlit for end in ends.values()):
             beneath = self._beneath()
             if any(beneath):
@@ -349,7 +349,7 @@ class GrooveSizes:
     def _hidden(self, name: str, reach_mm: float) -> None:
         self.sizes[name] = hidden(self.sizes[name], reach_mm)
 
-    def _untold(self, name: str) -> None:
+    def _withhold(self, name: str) -> None:
         self.sizes[name] = replace(self.sizes[name], value=np.full(self.at.size, np.nan))
 
     def _beneath(self) -> tuple[float, float]:
@@ -378,12 +378,14 @@ class GrooveSizes:
         sine, cosine = np.abs(along * ray[0] + up * ray[1]), np.abs(along * ray[1] - up * ray[0])
         column = one.step * sine * cosine
         mixed = above / column
-        told = mixed[np.abs(mixed) < MOST_MIXED]
+        usable = mixed[np.abs(mixed) < MOST_MIXED]
         mean, doubt, fall = math.nan, math.nan, typical(one.fall)
-        if told.size >= LEAST_FRAMES:
+        if usable.size >= LEAST_FRAMES:
             form = self.joint.forms[1 if k == 0 else -1]
-            mean = float(told.mean()) * typical(column)
-            doubt = math.hypot(float(told.std()) / math.sqrt(told.size) * typical(column), typical(form.offset_u_mm))
+            mean = float(usable.mean()) * typical(column)
+            doubt = math.hypot(
+                float(usable.std()) / math.sqrt(usable.size) * typical(column), typical(form.offset_u_mm)
+            )
         view = RootView(
             fall,
             0.5 * math.pi - fall + math.atan(lean),
@@ -405,8 +407,8 @@ class GrooveSizes:
 
     def _next_up(self, one: Plate) -> float:
         """How far above a plate's last return the other plate's is that joins it; NaN: in most profiles none does."""
-        beside = np.isfinite(one.next_up)
-        return typical(one.next_up) if beside.mean() > SHOWS else math.nan
+        is_adjacent = np.isfinite(one.next_up)
+        return typical(one.next_up) if is_adjacent.mean() > SHOWS else math.nan
 
     def _joins_mm(self) -> float:
         """Levels of last returns that differ by less may be those of neighbouring columns on one surface."""

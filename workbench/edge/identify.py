@@ -118,8 +118,8 @@ def _of_one_face(chain: Float, apart: int) -> tuple[Bool, Float]:
         fits &= np.abs(np.arctan(one[:, SLOPE]) - np.arctan(slope)) < SAME_ANGLE
     for between in (chain[k : k + len(a)] for k in range(1, apart)):
         for end in (between[:, X0], between[:, X1]):
-            beside = (between[:, SLOPE] - slope) * end + between[:, OFFSET] - offset
-            fits &= np.abs(beside) * lean < GHOST_MM
+            deviation = (between[:, SLOPE] - slope) * end + between[:, OFFSET] - offset
+            fits &= np.abs(deviation) * lean < GHOST_MM
     return fits, np.stack([slope, offset], axis=1)
 
 
@@ -200,11 +200,11 @@ def _read(
     )
 
 
-def _surface(chain: Float, beside: dict[int, int], face: int) -> int | None:
+def _surface(chain: Float, neighbours: dict[int, int], face: int) -> int | None:
     """The surface of the plate that a face meets, in a corner or over shorter faces: a rounded edge."""
-    found = beside.get(face)
+    found = neighbours.get(face)
     while found is not None and width_mm(chain[found]) < SURFACE_MM:
-        found = beside.get(found)
+        found = neighbours.get(found)
     return found
 
 

@@ -54,9 +54,9 @@ class Along(NamedTuple):
 
 
 class Place(NamedTuple):
-    """What is told of a joint beside its lines: where returns end on a face, or a fillet lies."""
+    """What is known of a joint beside its lines: where returns end on a face, or a fillet lies."""
 
-    value: Shaped[Float, " m"]  # mm, at the stations; NaN: not told
+    value: Shaped[Float, " m"]  # mm, at the stations; NaN: not known
     u: Float  # by noise
     variance: Float | float = 0.0  # of single frames (N,), mm^2
     form_u: float = 0.0  # by the form of a fillet
@@ -165,26 +165,28 @@ class JointLines:
         self.source, self.along, self.between_mm = source, along, between_mm
         self.lines, self.forms = tuple(lines), tuple(forms)
 
-    def in_frames(self, told: Mapping[str, Place]) -> dict[str, Float]:
-        """Places in the frames (N,); NaN where no station tells it."""
-        known = {key: 0.0 if np.isfinite(one.value).any() else math.nan for key, one in told.items()}
+    def in_frames(self, places: Mapping[str, Place]) -> dict[str, Float]:
+        """Places in the frames (N,); NaN where no station has it."""
+        known = {key: 0.0 if np.isfinite(one.value).any() else math.nan for key, one in places.items()}
         safe = self.along.safe
-        return {key: between(self.along.at, one.value, safe) + known[key] for key, one in told.items()}
+        return {key: between(self.along.at, one.value, safe) + known[key] for key, one in places.items()}
 
     def lengths(
-        self, values: Callable[[Mapping[str, Float]], Values], own: Slopes, follow: Slopes, told: Mapping[str, Place]
+        self, values: Callable[[Mapping[str, Float]], Values], own: Slopes, follow: Slopes, ends: Mapping[str, Place]
     ) -> dict[str, Quantity]:
         """All lengths, `values` of the places in the frames.
 
         Slopes by the lines: `own` where the places stay, and `follow` where they go with the lines, as returns do.
         """
-        at = {key: np.nan_to_num(place) for key, place in self.in_frames(told).items()}  # of none no length is told
+        at = {
+            key: np.nan_to_num(place) for key, place in self.in_frames(ends).items()
+        }  # without one no length is known
         each = values(at)
         moved = {key: values(at | {key: place + STEP_MM}) for key, place in at.items()}
         out = {}
         for name, value in each.items():
             by = {key: abs(typical(other[name] - value, 0.0)) / STEP_MM for key, other in moved.items()}
-            moves = [(told[key], move) for key, move in by.items() if move > LEAST_MOVE]
+            moves = [(ends[key], move) for key, move in by.items() if move > LEAST_MOVE]
             variance = sum(move**2 * one.variance for one, move in moves)
             found = self.course(name, value, own[name], variance)
             out[name] = self._length(name, found, follow[name], moves)
@@ -209,10 +211,10 @@ class JointLines:
         before = values(places, angles)
         out: Slopes = {name: [] for name in before}
         for k, one in enumerate(self.lines):
-            turned, moved = list(angles), list(places)
-            turned[k] = one.angle + STEP_RAD
+            rotated, moved = list(angles), list(places)
+            rotated[k] = one.angle + STEP_RAD
             moved[k] = one.place + STEP_MM * np.stack([-np.sin(one.angle), np.cos(one.angle)], axis=1)
-            by_turn, by_move = values(places, turned), values(moved, angles)
+            by_turn, by_move = values(places, rotated), values(moved, angles)
             for name, value in before.items():
                 pair = (by_turn[name] - value) / STEP_RAD, (by_move[name] - value) / STEP_MM
                 out[name].append((typical(pair[0], 0.0), typical(pair[1], 0.0)))
@@ -251,7 +253,9 @@ class JointLines:
 
     def terms(self, value: Float, u: Float, slopes: list[tuple[float, float]]) -> dict[str, Float]:
         """Standard uncertainties (m,) by source of a length (m,) whose course leaves u."""
-        turned = [by_turn * one.course.u(self.along.at) for one, (by_turn, _) in zip(self.lines, slopes, strict=True)]
+        directions = [
+            by_turn * one.course.u(self.along.at) for one, (by_turn, _) in zip(self.lines, slopes, strict=True)
+        ]
         whole = (
             sum(one.width_mm for one in self.forms) + self.between_mm
         )  # what the sensor errs by walks on between the faces
@@ -262,7 +266,7 @@ class JointLines:
         run = max(abs(typical(one.section.run, 0.0)) for one in self.lines)
         return {
             CORNERS: np.hypot(u, LEAST_U_MM),
-            DIRECTIONS: np.hypot.reduce(turned),
+            DIRECTIONS: np.hypot.reduce(directions),
             TANGENT: self.along.tangent_u * run * np.abs(value),
             FORM: np.hypot.reduce(bent),
         }
@@ -278,9 +282,9 @@ class JointLines:
             TANGENT: self.along.tangent_u * lever,
             FORM: np.hypot(self.forms[first].turn_u, self.forms[second].turn_u),
         }
-        told = {source: u / DEG for source, u in sources.items()}
-        told[DIRECTIONS] = np.hypot(told[DIRECTIONS], LEAST_U_DEG)
-        return told
+        terms_deg = {source: u / DEG for source, u in sources.items()}
+        terms_deg[DIRECTIONS] = np.hypot(terms_deg[DIRECTIONS], LEAST_U_DEG)
+        return terms_deg
 
 
 class Smooth(NamedTuple):

@@ -62,8 +62,8 @@ def gap_u_mm(gap_mm: Float, s_frames: Float, at: Float, hidden_mm: float) -> Flo
 
     hidden_mm: what frames do not show. The edge lies between where the face ends and where it crosses what is below.
     """
-    told = running_median(s_frames, gap_mm, at, NEAR_MM)
-    return np.asarray(np.hypot(told, hidden_mm) / math.sqrt(3.0))
+    typical_mm = running_median(s_frames, gap_mm, at, NEAR_MM)
+    return np.asarray(np.hypot(typical_mm, hidden_mm) / math.sqrt(3.0))
 
 
 @kernel

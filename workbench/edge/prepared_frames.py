@@ -353,10 +353,10 @@ def _ends(one: Reading, k: int) -> tuple[float, float]:
     """Where face k of a reading starts and ends along side * x: at its corners, or where its own line does."""
     row = one.faces[k]
     ends = sorted(one.side * float(at) for at in row[:2])
-    beside = [one.faces[k - 1] if k > 0 else None, one.faces[k + 1] if k + 1 < len(one.faces) else None]
+    neighbours = [one.faces[k - 1] if k > 0 else None, one.faces[k + 1] if k + 1 < len(one.faces) else None]
     if one.arc:  # between flank and root face
-        beside = [None if k == 2 else beside[0], None if k == 1 else beside[1]]
-    corners = [math.nan if other is None else one.side * crossing(row, other) for other in beside]
+        neighbours = [None if k == 2 else neighbours[0], None if k == 1 else neighbours[1]]
+    corners = [math.nan if other is None else one.side * crossing(row, other) for other in neighbours]
     start, stop = (own if math.isnan(corner) else corner for own, corner in zip(ends, corners, strict=True))
     return start, stop
 

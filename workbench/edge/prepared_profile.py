@@ -27,7 +27,7 @@ LEVEL, TILTED = 8.0 * DEG, 15.0 * DEG  # a land falls by no more, a bevel below 
 STEEP, ARC_STEP = 45.0 * DEG, 3.0 * DEG  # a flank falls by more; a fillet's pieces fall less and less, by so much
 ENDS = 30.0 * DEG  # its last piece falls by less: a fillet ends level
 ROUNDED_MM = 0.35  # a shorter line between two faces, which turns as they do, is their rounded corner
-HOLLOW, BESIDE_MM = 12.0 * DEG, 2.0  # turn of a hollow corner, and how far its fillet may part its surfaces
+HOLLOW, PARTING_MM = 12.0 * DEG, 2.0  # turn of a hollow corner, and how far its fillet may part its surfaces
 
 
 class Reading(NamedTuple):
@@ -91,7 +91,7 @@ def _rises(before: Float, after: Float, side: int, sense: int) -> bool:
     """Whether two surfaces make a hollow corner, or one with a fillet: one of them stands up from the other."""
     one, other = (before, after) if side > 0 else (after, before)
     ends = [(row[at], row[SLOPE] * row[at] + row[OFFSET]) for row, at in ((one, X1), (other, X0))]
-    return _convex(before, after, side, sense) < -HOLLOW and math.dist(*ends) < BESIDE_MM
+    return _convex(before, after, side, sense) < -HOLLOW and math.dist(*ends) < PARTING_MM
 
 
 def _next(order: Sequence[Float], at: int, side: int) -> int | None:

@@ -26,7 +26,7 @@ TRAVEL_FRAMES = 400  # that say where the scan goes
 SEARCH = np.arange(-33.0, 34.0, 3.0) * DEG  # of the face's direction about `upper_side`
 LEAST_ACROSS = 30.0 * DEG  # between `upper_side` and the edge
 NEIGHBOURS = 4  # key frames on each side whose median direction counts
-LEAST_BESIDE, LEAST_VOTES, LEAST_SHARE, LEAST_MAJORITY = 3, 3, 0.25, 0.5
+LEAST_COUNT, LEAST_VOTES, LEAST_SHARE, LEAST_MAJORITY = 3, 3, 0.25, 0.5
 FAN_FRAMES, FAN_LEAST, FAN = 120, 10, 0.9  # frames in all, and of a column; correlation by which rays fan out
 # Returns' scatter about their column's ray over the columns' pitch, at most: a sensor's own lie on it, while those of a
 # cloud that was put into a grid scatter by 1/sqrt(12) about its columns.
@@ -143,13 +143,13 @@ def _read_keys(cloud: Cloud, keys: Int, flat: Float) -> Float:
     return out
 
 
-def _votes(beside: Float) -> Float:
-    """Key frames (2,) that show what lies beside one end at higher, and at lower z; beside (k, 2): points of each.
+def _votes(counts: Float) -> Float:
+    """Key frames (2,) that show what lies beside one end at higher, and at lower z; counts (k, 2): points of each.
 
     A frame counts if most of its points agree: a table that reaches out before the face lies nearer than it.
     """
-    more = beside[:, 0] - beside[:, 1]
-    clear = (beside.sum(axis=1) >= LEAST_BESIDE) & (np.abs(more) > LEAST_MAJORITY * beside.sum(axis=1))
+    more = counts[:, 0] - counts[:, 1]
+    clear = (counts.sum(axis=1) >= LEAST_COUNT) & (np.abs(more) > LEAST_MAJORITY * counts.sum(axis=1))
     return np.array([(clear & (more > 0)).sum(), (clear & (more < 0)).sum()], dtype=float)
 
 

@@ -108,8 +108,8 @@ def _with_unseen(cells: _Cells, course: Course, at: Int, there: Float, known: Fl
     there, known (k,): how many of a window's cells are seen, and the sum of their values.
     """
     size = cells.place.size
-    told, told_u = course.value(cells.place) - cells.line(cells.place), course.u(cells.place)
-    rough = (cells.value - told)[cells.seen]
+    expected, expected_u = course.value(cells.place) - cells.line(cells.place), course.u(cells.place)
+    rough = (cells.value - expected)[cells.seen]
     scatter = np.array([np.mean(_means(rough, k) ** 2) for k in range(1, 2 * cells.pad + 2)])
     number = np.arange(size)
     beyond = np.maximum(cells.pad - number, number - (size - cells.pad - 1))  # cells beyond the scan's end
@@ -121,8 +121,8 @@ def _with_unseen(cells: _Cells, course: Course, at: Int, there: Float, known: Fl
         part = weight * (beyond[near] <= goes_on)
         count = part.sum(axis=1)
         whole = there + count
-        means.append((known + (part * told[near]).sum(axis=1)) / whole)  # eq. (16)
-        unseen_u2 = ((part * told_u[near]).sum(axis=1) / np.maximum(count, 1e-9)) ** 2 + np.interp(
+        means.append((known + (part * expected[near]).sum(axis=1)) / whole)  # eq. (16)
+        unseen_u2 = ((part * expected_u[near]).sum(axis=1) / np.maximum(count, 1e-9)) ** 2 + np.interp(
             count, np.arange(1, scatter.size + 1), scatter
         )
         variances.append((count / whole) ** 2 * unseen_u2)

@@ -212,8 +212,8 @@ def axes(measured: RawMeasured, at: Float) -> tuple[Float, Float, Float]:
 def _lower_edge(state: RawMeasured, at: Float) -> Float:
     """Places of the lower edge (k, 3) at arc lengths (k,) of the reference curve."""
     _, n, m = axes(state, at)
-    beside = state.out.smooth(at)[:, None] * n + state.lower.value(at)[:, None] * m
-    return state.curve.position(at) + beside
+    offset = state.out.smooth(at)[:, None] * n + state.lower.value(at)[:, None] * m
+    return state.curve.position(at) + offset
 
 
 def _state(
@@ -309,10 +309,12 @@ def _whole(found: RawFaces) -> Bool:
         return np.asarray(width > np.nanmedian(width) - MARGIN_MM)
 
 
-def _reaching(tilt: Course, found: RawFaces, sigma: float, turned: float, lower: EndAlong, upper: EndAlong) -> Course:
+def _reaching(
+    tilt: Course, found: RawFaces, sigma: float, strip_turn: float, lower: EndAlong, upper: EndAlong
+) -> Course:
     """The direction of a rough face, uncertain by how far the face reaches: to a column, and as single frames show.
 
-    A strip of width e at both ends turns it by `turned` (rad, 1 mm) sqrt(e), a strip at one end that lies r off the
+    A strip of width e at both ends turns it by `strip_turn` (rad, 1 mm) sqrt(e), a strip at one end that lies r off the
     line by 6 e r / w^2.
     """
     face = found.whole
@@ -323,7 +325,7 @@ def _reaching(tilt: Course, found: RawFaces, sigma: float, turned: float, lower:
         strip = np.hypot(strip, between(end.s, end.reached_mm, tilt.at_mm))
     strip = np.minimum(strip, width)
     turn = 6.0 * strip * _roughness(found, sigma) / width**2
-    return replace(tilt, variance=tilt.variance + turn**2 + turned**2 * strip)
+    return replace(tilt, variance=tilt.variance + turn**2 + strip_turn**2 * strip)
 
 
 def _normal(tilt: Float) -> Float:

@@ -26,7 +26,7 @@ from workbench.geometry.medians import median, row_medians
 from workbench.kernels import kernel
 from workbench.units import TO_SD, AnyArray, Bool, Float, Float32, Int, Shaped
 
-LEAST_FRAMES, LEAST_PARTED = 4, 20  # of a stretch; of one that is parted
+LEAST_FRAMES, LEAST_PART = 4, 20  # of a stretch; of a part of one that is divided
 APART_SD = 2.0  # standard deviations of single frames by which its parts differ
 STRETCH_MM, STRETCH_FRAMES = 40.0, 30  # of edge, whose frames are pooled; as long as it takes for so many
 PLACES, LEAST_PLACES = 16, 5  # on a face, along it
@@ -41,7 +41,7 @@ NOTHING, USUAL_MM = 0.5, 0.001
 FREE_MM = 1.0  # by which a line may be anything
 LEAST_NOISE_MM = 1e-6  # where all returns of a face lie on one digit, nothing else is left
 # Shares, before, of faces of which a part stands aside as a whole, and of bowed ones; by how much, mm, alike likely.
-PART, BOWED, ASIDE_MM = 0.01, 0.01, np.array([0.01, 0.03, 0.1, 0.3])
+PART, BOWED, OFFSETS_MM = 0.01, 0.01, np.array([0.01, 0.03, 0.1, 0.3])
 RARE = 5.0  # a likelihood smaller by a factor whose logarithm is this counts for nothing
 FIELD_STATIONS = 32  # of the edge, at which the sensor's errors are looked up
 
@@ -57,7 +57,7 @@ class FaceForm:
     turn: Shaped[Float, " m"]  # its slope towards the lower end that a part of the face makes which stands aside
     lower_mm: Shaped[Float, " m"]  # and its places that this makes, along the sensor's z as all of these
     upper_mm: Shaped[Float, " m"]
-    aside_mm: float = 0.0  # by which a part of the face stands aside at most, as likely as it is
+    part_offset_mm: float = 0.0  # by which a part of the face stands aside at most, as likely as it is
 
     @property
     def uncorrected(self) -> FaceForm:
@@ -163,9 +163,9 @@ def face_image(
         mine = np.flatnonzero(group == number)
         mine = mine[np.argsort(s[mine])]
         of_pass = float(np.median(lean[mine]))
-        aside = float(np.median(side[frames][mine])) * place_mm / of_pass
+        lateral_mm = float(np.median(side[frames][mine])) * place_mm / of_pass
         middle_mm, column = face.x_mean[frames][mine], ends[mine].mean(axis=1)
-        passes.append(SeenBy(s[mine], middle_mm, column, aside, aside / pitch_mm, of_pass))
+        passes.append(SeenBy(s[mine], middle_mm, column, lateral_mm, lateral_mm / pitch_mm, of_pass))
     return image._replace(passes=tuple(passes), errors=errors)
 
 
@@ -244,7 +244,7 @@ def _alike(value: Float, frames: Int) -> list[Int]:
 
     So it does where second returns of a face begin, or a step of it: the mean of all is that of neither side.
     """
-    cut = np.arange(LEAST_PARTED, frames.size - LEAST_PARTED + 1)
+    cut = np.arange(LEAST_PART, frames.size - LEAST_PART + 1)
     if not cut.size:
         return [frames]
     left = np.nan_to_num(value[frames] - row_medians(value[frames].T))
@@ -311,8 +311,8 @@ class _Lasting(NamedTuple):
     """What lasts across the face in one stretch."""
 
     covariance: Float  # (p, p) of what may be anywhere, mm^2
-    aside_mm: Float  # (p,) by which a part of the face stands aside
-    aside_covariance: Float  # (p, p), mm^2
+    part_offset_mm: Float  # (p,) by which a part of the face stands aside
+    part_covariance: Float  # (p, p), mm^2
 
 
 class _Weighed(NamedTuple):
@@ -320,18 +320,18 @@ class _Weighed(NamedTuple):
 
     image: FaceImage
     log: Float  # (k, walks, singles), parts that stand aside integrated out, with its share of the prior
-    aside_mm: Float  # (k, walks, singles, p) by which such parts stand aside
-    aside_square: Float  # (k, walks, singles, p, p) the mean products of that, mm^2
+    part_offset_mm: Float  # (k, walks, singles, p) by which such parts stand aside
+    part_square: Float  # (k, walks, singles, p, p) the mean products of that, mm^2
 
     def lasting(self, walk: Float) -> list[_Lasting]:
         """By shares (walks,) of the walk's strengths along the face."""
         found = []
-        of_stretches = _walk(self.image), self.log, self.aside_mm, self.aside_square
-        for shape, log, aside, square in zip(*of_stretches, strict=True):
+        of_stretches = _walk(self.image), self.log, self.part_offset_mm, self.part_square
+        for shape, log, offset, square in zip(*of_stretches, strict=True):
             share = walk[:, None] * np.exp(log - np.logaddexp.reduce(log, axis=1)[:, None])
             covariance = float(walk @ WALKS**2) * shape
             covariance += float((share @ SINGLES**2).sum()) * np.eye(len(shape))
-            mean, moment = np.tensordot(share, aside), np.tensordot(share, square)
+            mean, moment = np.tensordot(share, offset), np.tensordot(share, square)
             found.append(_Lasting(covariance, mean, moment - np.outer(mean, mean)))
         return found
 
@@ -349,7 +349,7 @@ def _weighed(image: FaceImage) -> _Weighed:
     found = _Weighed(image, log, np.zeros((*log.shape, t.size)), np.zeros((*log.shape, t.size, t.size)))
     least = log.max(axis=(1, 2)) - math.log(PART) - RARE
     possible = np.argwhere(log + 0.5 * square > least[:, None, None])
-    _add_parts(means, possible, least, *_parts(t.size), log, found.aside_mm, found.aside_square)
+    _add_parts(means, possible, least, *_parts(t.size), log, found.part_offset_mm, found.part_square)
     return found
 
 
@@ -402,7 +402,7 @@ def _likelihoods(means: _Means, log: Float, square: Float) -> None:
 
 @kernel
 def _add_parts(
-    means: _Means, cells: Int, least: Float, ends: Float, parts: Int, log: Float, aside: Float, square: Float
+    means: _Means, cells: Int, least: Float, ends: Float, parts: Int, log: Float, offset: Float, square: Float
 ) -> None:
     """Let a part of the face stand aside as well, in `cells` (c, 3) of k, walks and singles, in place.
 
@@ -410,7 +410,7 @@ def _add_parts(
     """
     count, places = ends.shape
     lower, white, upto = np.zeros((places, places)), np.empty(places), np.empty((count, places))
-    known, told, share = np.empty(len(parts)), np.empty(len(parts)), np.empty((len(parts), ASIDE_MM.size))
+    known, force, share = np.empty(len(parts)), np.empty(len(parts)), np.empty((len(parts), OFFSETS_MM.size))
     each, bowed = math.log(PART / share[:-1].size), BOWED / PART * (len(parts) - 1)
     for k, w, n in cells:
         _whitened(means, k, w, n, lower, white)
@@ -420,30 +420,30 @@ def _add_parts(
                 for m in range(i):
                     rest -= lower[i, m] * upto[e, m]
                 upto[e, i] = rest * lower[i, i]
-        likely = _told_of_parts(upto, white, parts, known, told)
+        likely = _forces_of_parts(upto, white, parts, known, force)
         if log[k, w, n] + likely > least[k]:
             none = math.exp(math.log1p(-PART - BOWED) - each - likely)
-            log[k, w, n] += each + likely + math.log(_shares_of_parts(known, told, likely, none, bowed, share))
-            _moments_of_parts(known, told, share, ends, parts, aside[k, w, n], square[k, w, n])
+            log[k, w, n] += each + likely + math.log(_shares_of_parts(known, force, likely, none, bowed, share))
+            _moments_of_parts(known, force, share, ends, parts, offset[k, w, n], square[k, w, n])
 
 
 @kernel
-def _told_of_parts(upto: Float, white: Float, parts: Int, known: Float, told: Float) -> float:
-    """Fill in 1 / variance and size over variance of parts (b, 2); the largest log-likelihood that one adds."""
+def _forces_of_parts(upto: Float, white: Float, parts: Int, known: Float, force: Float) -> float:
+    """Fill in 1 / variance and force, size over variance, of parts (b, 2); the largest log-likelihood that one adds."""
     likely = 0.0
     for b in range(len(parts)):
         begin, end = parts[b]
-        known[b] = told[b] = 0.0
+        known[b] = force[b] = 0.0
         for i in range(white.size):
             of = upto[end, i] - upto[begin, i]
             known[b] += of * of
-            told[b] += of * white[i]
-        likely = max(likely, 0.5 * told[b] ** 2 / known[b])
+            force[b] += of * white[i]
+        likely = max(likely, 0.5 * force[b] ** 2 / known[b])
     return likely
 
 
 @kernel
-def _shares_of_parts(known: Float, told: Float, likely: float, none: float, bowed: float, share: Float) -> float:
+def _shares_of_parts(known: Float, force: Float, likely: float, none: float, bowed: float, share: Float) -> float:
     """Fill in the shares (b, sizes) of parts that stand aside by each of ASIDE_MM; the sum before, with `none`.
 
     bowed: how much likelier than such a part a bow is, the last of them.
@@ -451,19 +451,19 @@ def _shares_of_parts(known: Float, told: Float, likely: float, none: float, bowe
     total = none
     for b in range(known.size):
         prior = bowed if b == known.size - 1 else 1.0
-        for m in range(ASIDE_MM.size):
-            free = 1.0 / (1.0 + ASIDE_MM[m] ** 2 * known[b])
-            share[b, m] = prior * math.sqrt(free) * math.exp(0.5 * free * (ASIDE_MM[m] * told[b]) ** 2 - likely)
+        for m in range(OFFSETS_MM.size):
+            free = 1.0 / (1.0 + OFFSETS_MM[m] ** 2 * known[b])
+            share[b, m] = prior * math.sqrt(free) * math.exp(0.5 * free * (OFFSETS_MM[m] * force[b]) ** 2 - likely)
             total += share[b, m]
     for b in range(known.size):
-        for m in range(ASIDE_MM.size):
+        for m in range(OFFSETS_MM.size):
             share[b, m] /= total
     return total
 
 
 @kernel
 def _moments_of_parts(
-    known: Float, told: Float, share: Float, ends: Float, parts: Int, aside: Float, square: Float
+    known: Float, force: Float, share: Float, ends: Float, parts: Int, offset: Float, square: Float
 ) -> None:
     """Fill in by how much places (p,) stand aside on average, and the mean products (p, p), by shares (b, sizes).
 
@@ -474,9 +474,9 @@ def _moments_of_parts(
     for b in range(known.size - 1):
         begin, end = parts[b]
         mean, moment = 0.0, 0.0
-        for m in range(ASIDE_MM.size):
-            variance = ASIDE_MM[m] ** 2 / (1.0 + ASIDE_MM[m] ** 2 * known[b])
-            size = variance * told[b]
+        for m in range(OFFSETS_MM.size):
+            variance = OFFSETS_MM[m] ** 2 / (1.0 + OFFSETS_MM[m] ** 2 * known[b])
+            size = variance * force[b]
             mean += share[b, m] * size
             moment += share[b, m] * (size * size + variance)
         for e, sign in ((end, 1.0), (begin, -1.0)):
@@ -485,7 +485,7 @@ def _moments_of_parts(
             of_both[e, begin + end - e] -= moment
     for e in range(count):
         for i in range(places):
-            aside[i] += of_ends[e] * ends[e, i]
+            offset[i] += of_ends[e] * ends[e, i]
             for f in range(count):
                 half[f, i] += of_both[f, e] * ends[e, i]
     for e in range(count):
@@ -535,26 +535,26 @@ def _form(image: FaceImage, lasting: Sequence[_Lasting], at: Float, sensor: Line
     line = np.linalg.pinv(np.stack([np.ones_like(t), t], axis=1))  # least squares: level and slope of places
     weights = np.stack([line[1], line[0] + end * line[1], line[0] - end * line[1]])
     # A part that stands aside at an end of the face is the face there, or not: as likely.
-    beside = weights - 0.5 * np.stack([np.zeros_like(t), np.eye(t.size)[-1], np.eye(t.size)[0]])
+    mixed_weights = weights - 0.5 * np.stack([np.zeros_like(t), np.eye(t.size)[-1], np.eye(t.size)[0]])
     centred = weights @ (np.eye(t.size) - 1.0 / t.size)  # a sensor's or a face's common offset moves nothing
     rows = []
     for one, mean, noise, slope in zip(lasting, image.mean, image.noise, image.slope, strict=True):
-        either = (beside - weights) @ one.aside_mm
+        ambiguity = (mixed_weights - weights) @ one.part_offset_mm
         # returns of the face lie along another line than its own
         other = np.maximum((weights @ mean) ** 2 - _variance(weights, noise), 0.0)
-        variance = _variance(centred, one.covariance) + _variance(beside, one.aside_covariance)
-        turn, lower, upper = beside @ one.aside_mm
+        variance = _variance(centred, one.covariance) + _variance(mixed_weights, one.part_covariance)
+        turn, lower, upper = mixed_weights @ one.part_offset_mm
         # Returns stand aside along the rays: across the line as it lies, by less than across the face.
         straight = slope - (1.0 + slope**2) * turn
         flatter = math.sqrt((1.0 + slope**2) / (1.0 + straight**2))
         moved = math.atan(slope) - math.atan(straight), flatter * lower, flatter * upper
-        rows.append([*(np.array([flatter**2, flatter, flatter]) * np.sqrt(variance + either**2 + other)), *moved])
+        rows.append([*(np.array([flatter**2, flatter, flatter]) * np.sqrt(variance + ambiguity**2 + other)), *moved])
     tells = 1.0 / np.array([_variance(weights[:1], noise)[0] + LEAST_NOISE_MM**2 for noise in image.noise])
-    share, told = np.zeros((len(image.passes), at.size)), np.zeros((len(image.passes), 6, at.size))
+    share, terms = np.zeros((len(image.passes), at.size)), np.zeros((len(image.passes), 6, at.size))
     for number, seen in enumerate(image.passes):
         mine = image.of_pass == number
         if mine.any():
-            told[number] = _between(at, image.s[mine], np.array(rows)[mine])
+            terms[number] = _between(at, image.s[mine], np.array(rows)[mine])
             shows = (at >= seen.s[0]) & (at <= seen.s[-1])
             share[number] = np.where(shows, 1.0, 1e-6) * tells[mine].sum()  # where no pass is: all
     share /= share.sum(axis=0)
@@ -562,18 +562,18 @@ def _form(image: FaceImage, lasting: Sequence[_Lasting], at: Float, sensor: Line
     by_sensor = np.zeros((3, some.size))
     for a, here in enumerate(image.passes):
         for b, other in enumerate(image.passes):
-            (x, columns), (y, beside_columns) = here.seen_at(at[some]), other.seen_at(at[some])
+            (x, columns), (y, other_columns) = here.seen_at(at[some]), other.seen_at(at[some])
             errs = sensor.covariance(x[:, :, None] - y[:, None, :])
             if image.errors is not None:
-                errs = errs + image.errors.common(columns, beside_columns)
+                errs = errs + image.errors.common(columns, other_columns)
             errs = np.einsum("cx,kxy,cy->ck", centred, errs, centred) / (here.lean * other.lean)
             by_sensor += share[a, some] * errs * share[b, some]
-    mean = np.einsum("pm,pcm->cm", share, told)
+    mean = np.einsum("pm,pcm->cm", share, terms)
     variance = np.stack([np.interp(at, at[some], row) for row in by_sensor])
     turn_u, lower_u, upper_u = np.sqrt(mean[:3] ** 2 + np.maximum(variance, 0.0))
     turn, lower, upper = mean[3:]
-    aside_mm = max(float(np.abs(one.aside_mm).max()) for one in lasting)
-    return FaceForm(turn_u, lower_u, upper_u, 2.0 * end, turn, lower, upper, aside_mm)
+    part_offset_mm = max(float(np.abs(one.part_offset_mm).max()) for one in lasting)
+    return FaceForm(turn_u, lower_u, upper_u, 2.0 * end, turn, lower, upper, part_offset_mm)
 
 
 def _variance(weights: Float, covariance: Float) -> Float:

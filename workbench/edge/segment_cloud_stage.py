@@ -124,7 +124,7 @@ def segment_cloud(
         77
     """
     _check_extent(points)
-    with _rounding_told(points):
+    with _rounding_as_cause(points):
         recovered = recovered_grid(points) if use_order else None
         if upper_side is not None:
             if recovered is None:
@@ -167,7 +167,7 @@ def segment_cloud(
 
 
 @contextmanager
-def _rounding_told(points: PointSet) -> Iterator[None]:
+def _rounding_as_cause(points: PointSet) -> Iterator[None]:
     """Of a cloud that is refused: that its coordinates are rounded, if they are, since that alone hides its faces."""
     try:
         yield
@@ -205,10 +205,10 @@ def _check_extent(points: PointSet) -> None:
 
 
 def _of_slices(edge: MilledEdge, passes: Traces, robot_noise_mm: float) -> MilledEdge:
-    """The edge with what slices do not know taken off its certainty, and told."""
+    """The edge with what slices do not know taken off its certainty, and a note of it."""
     # Passes may see one end of the root face each, and differ by the noise of two positions.
     passes_u_mm = math.sqrt(2.0) * robot_noise_mm if passes == "several passes" else 0.0
-    told = {"one pass": (), "several passes": (SEVERAL.format(passes_u_mm),), "none": (NO_LINES,)}[passes]
+    notes = {"one pass": (), "several passes": (SEVERAL.format(passes_u_mm),), "none": (NO_LINES,)}[passes]
     direction_u = math.hypot(
         _noise_slope(edge.faces[ROOT_FACE]), STEP_SLOPE * passes_u_mm / float(np.nanmedian(edge.root.value))
     )
@@ -221,7 +221,7 @@ def _of_slices(edge: MilledEdge, passes: Traces, robot_noise_mm: float) -> Mille
         edge,
         root=Quantity.of("root_mm", edge.root.value, root),
         bevel=Quantity.of("bevel_deg", edge.bevel.value, bevel),
-        warnings=(*edge.warnings, SLICED, *told),
+        warnings=(*edge.warnings, SLICED, *notes),
     )
 
 

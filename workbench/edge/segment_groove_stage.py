@@ -84,9 +84,9 @@ def segment_groove(
     linearity = declared_linearity(sensor)
     both, labels, tilt, about, taken_off = plates(cloud, read, curve, s, linearity)
     cut = both[0].cut | both[1].cut
-    told = (CUT.format(100.0 * cut.mean()),) if cut.any() else ()
-    if told and min(np.isfinite(one.end[:, 0]).sum() for one in both) < LEAST_FRAMES:
-        raise InputError(cloud.source, *told)
+    notes = (CUT.format(100.0 * cut.mean()),) if cut.any() else ()
+    if notes and min(np.isfinite(one.end[:, 0]).sum() for one in both) < LEAST_FRAMES:
+        raise InputError(cloud.source, *notes)
     first, length = float(s.min()), float(np.ptp(s))
     at = np.linspace(0.0, length, max(3, round(length / STATION_MM) + 1))
     by_robot = turn_by_robot(curve, max(length, 1.0), usual_noise_mm(robot_noise_mm), robot_noise_length_mm)
@@ -140,7 +140,7 @@ def segment_groove(
             *_alike(type_, alternatives, declared),
             *_hidden(measured, declared),
             *((SHADOW,) if measured.shadowed else ()),
-            *told,
+            *notes,
             *taken_off,
             *((COVERED,) if any(one.is_covered for one in measured.plates) else ()),
         ),
@@ -157,8 +157,8 @@ def _read_checks(read: ReadFrames, given: Mapping[str, Bound]) -> list[Check]:
     agree = read.agreement * read.share / max(read.share + read.unread, 1e-9)
     mixed = (
         f"{100 * agree:.0f} % of the profiles agree on the faces of the plates, in {100 * read.unread:.0f} % a face is "
+        "too steep, low or curved to read: is it one groove, or a plate with two faces?"
     )
-    mixed += "too steep, low or curved to read: is it one groove, or a plate with two faces?"
     return [
         check("found_share", read.share, f"{few}: no groove?", given=given),
         check("groove_compound", read.compound, two, given=given),
@@ -227,9 +227,9 @@ def _hidden(measured: GrooveSizes, declared: bool) -> tuple[str, ...]:
     if declared or not measured.hides_bevels:
         return ()
     deg = f"{measured.hidden_deg:.0f} deg"
-    told = f"nothing is seen below a plate's upper surface, where a bevel of up to {deg} may be: the gap is "
-    told += "known bluntly" if np.isfinite(measured.sizes["gap_mm"].value).any() else "not told"
-    return (told + ", and nothing that would rest on a square face: give `groove`",)
+    note = f"nothing is seen below a plate's upper surface, where a bevel of up to {deg} may be: the gap is "
+    note += "known bluntly" if np.isfinite(measured.sizes["gap_mm"].value).any() else "not told"
+    return (note + ", and nothing that would rest on a square face: give `groove`",)
 
 
 def possible_types(kinds: tuple[Kind, Kind], root_face: bool, no_root_face: bool) -> tuple[GrooveType, ...]:

@@ -54,7 +54,7 @@ from workbench.edge.prepared_frames import (
     straight_corners,
 )
 from workbench.edge.residual_image import FaceForm, face_image, forms
-from workbench.edge.segment_stage import Declared, either_piece_u, milled_edge
+from workbench.edge.segment_stage import Declared, milled_edge, u_of_both_pieces
 from workbench.edge.unseen import by_window, root_end_check
 from workbench.errors import InputError
 from workbench.geometry.blocks import evenly
@@ -185,7 +185,7 @@ def _checks(
     seen = 1.0 - float(tracked.end_is_cut[tracked.seen].mean()) if tracked.seen.any() else 0.0
     ends = f"the root face's lower end is in view in {100 * seen:.0f} % of the profiles only"
     wide = tracked.faces[ROOT_FACE].width_mm / root_nominal_mm
-    told = (
+    finding = (
         f"what would be the root face is {wide:.2g} times as wide as its nominal size: another face, or another size?"
     )
     return (
@@ -193,7 +193,7 @@ def _checks(
         check("found_share", frames.share, found, given=given),
         check("agreement", frames.agreement, agree, given=given),
         check("root_seen_share", seen, ends, given=given),
-        check("root_over_nominal", wide, told, given=given),
+        check("root_over_nominal", wide, finding, given=given),
         *bows_check(cloud, tracked.labels, frames.order[1:], straight_corners(frames), given),
         *corners_checks(cloud, tracked.labels, convex_corners(frames), given),
     )
@@ -202,8 +202,10 @@ def _checks(
 def _extent_check(root: Quantity, frames: PreparedFrames, given: Mapping[str, Bound]) -> Check:
     """The check that the root face by its corners is as wide as its returns lie."""
     width, seen = typical(root.value), frames.tracked.faces[ROOT_FACE].width_mm
-    told = f"by its corners the root face is {width:.2f} mm wide, and its returns take up {seen:.2f} mm: another face "
-    return check("root_extent_mm", width - seen, f"{told}than those that were measured meets it?", given=given)
+    finding = (
+        f"by its corners the root face is {width:.2f} mm wide, and its returns take up {seen:.2f} mm: another face "
+    )
+    return check("root_extent_mm", width - seen, f"{finding}than those that were measured meets it?", given=given)
 
 
 class _Chain:
@@ -263,10 +265,10 @@ class _Chain:
         if not seen:
             raise InputError(self.cloud.source, "no profile shows a whole fillet between flank and root face: no J?")
         off, tilt = misfit_mm(seen), abs(typical(np.array([one.tilt for one in seen]))) / DEG
-        told = f"between flank and root face the returns stand off a fillet by {off:.3f} mm, rms: straight faces, "
+        finding = f"between flank and root face the returns stand off a fillet by {off:.3f} mm, rms: straight faces, "
         falls = f"below the fillet the land falls by {tilt:.0f} deg: a bevel below a rounded corner?"
         return (
-            check("fillet_misfit_mm", off, f"{told}or a flank that is not?", given=given),
+            check("fillet_misfit_mm", off, f"{finding}or a flank that is not?", given=given),
             check("land_tilt_deg", tilt, falls, given=given),
         )
 
@@ -298,7 +300,7 @@ class _Chain:
 
     def _forms(self, declared: Declared, lines: Sequence[FaceLine]) -> list[FaceForm]:
         """What the straight line of each face leaves; and where checks found a corner in a face, either piece's."""
-        tracked, either = self.frames.tracked, either_piece_u(self.edge.checks)
+        tracked, pieces_u = self.frames.tracked, u_of_both_pieces(self.edge.checks)
         s = np.nan_to_num(self.s)
         bows = [one.section.bow_in_range(one.course.slope(s)) for one in lines]
         images = tuple(
@@ -315,7 +317,7 @@ class _Chain:
             for label, bow in zip(self.frames.order, bows, strict=True)
         )
         known = (one.uncorrected for one in forms(images, self.at, declared.sensor))
-        return [replace(one, turn_u=np.hypot(one.turn_u, either)) for one in known]
+        return [replace(one, turn_u=np.hypot(one.turn_u, pieces_u)) for one in known]
 
     def _few_values(self, places: list[Float], angles: list[Float]) -> Values:
         """With the fillets of few frames: they take long."""
@@ -332,11 +334,11 @@ class _Chain:
         places: list[Float],
         angles: list[Float],
         fillets: list[Fillet | None] | None,
-        told: Mapping[str, Float],
+        shifts: Mapping[str, Float],
     ) -> Values:
         """Lengths in every frame; and corners along normal (a) and across (b) of the section's axes.
 
-        told: by how much more than its fillet says the radius is, the level lies higher, the land is longer.
+        shifts: by how much more than its fillet says the radius is, the level lies higher, the land is longer.
         """
         upper = np.stack([np.cos(angles[0]), np.sin(angles[0])], axis=1)  # into the plate
         out = np.stack([upper[:, 1], -upper[:, 0]], axis=1)
@@ -347,9 +349,9 @@ class _Chain:
         found: Values = {}
         if fillets is not None:
             found_at["root"], found = self._below_fillets(fillets, meets[0], places, angles)
-            found_at["root"] = found_at["root"] + np.asarray(told.get("level", 0.0))[..., None] * out
-            found["root_radius_mm"] = found["root_radius_mm"] + told.get("radius", 0.0)
-            found["land_mm"] = found["land_mm"] + told.get("land", 0.0)
+            found_at["root"] = found_at["root"] + np.asarray(shifts.get("level", 0.0))[..., None] * out
+            found["root_radius_mm"] = found["root_radius_mm"] + shifts.get("radius", 0.0)
+            found["land_mm"] = found["land_mm"] + shifts.get("land", 0.0)
         else:
             if len(meets) > 2:
                 found_at["middle"] = meets[1]

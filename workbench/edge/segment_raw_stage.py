@@ -33,7 +33,13 @@ from workbench.checks.limits import judged_by
 from workbench.checks.residuals import FaceAlong, Late, every_second, late_check, late_of
 from workbench.checks.window import end_step_check
 from workbench.edge.broken_end import together_along
-from workbench.edge.column_errors import ColumnErrors, Linearity, declared_linearity, told_of, without_column_errors
+from workbench.edge.column_errors import (
+    ColumnErrors,
+    Linearity,
+    correction_notes,
+    declared_linearity,
+    without_column_errors,
+)
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED
@@ -138,7 +144,9 @@ def segment_raw(
     checks += (*_lies_on(found), fixed_end_check(cloud, ends, int(found.seen.sum())))
     declared = RawDeclared(linearity, errors, robot, end_u_mm, robot_drift_u_mm)
     edge = _edge(cloud, found, measured, late, declared)
-    return replace(edge, checks=(*edge.checks, *checks), warnings=(*edge.warnings, *lies.warnings, *told_of(errors)))
+    return replace(
+        edge, checks=(*edge.checks, *checks), warnings=(*edge.warnings, *lies.warnings, *correction_notes(errors))
+    )
 
 
 def _late(cloud: Cloud, measured: RawMeasured) -> Late:
@@ -239,10 +247,10 @@ def _edge(
     }
     out = Quantity.of("along_normal_mm", np.einsum("kd,kd->k", position, n), along_n)
     down = Quantity.of("along_across_mm", np.einsum("kd,kd->k", position, m), along_m)
-    turned = Quantity.of("axis_deg", measured.tilt.value(at) / DEG, {name: u / DEG for name, u in axis.items()})
+    direction = Quantity.of("axis_deg", measured.tilt.value(at) / DEG, {name: u / DEG for name, u in axis.items()})
     both = (("lower", measured.lower.broken.size_mm), ("upper", measured.upper.broken.size_mm))
-    told = tuple(ROUNDED.format(name, radius) for name, radius in both if radius > 0)
-    told += tuple(check.finding for check in _lies_on(found))
+    notes = tuple(ROUNDED.format(name, radius) for name, radius in both if radius > 0)
+    notes += tuple(check.finding for check in _lies_on(found))
     return RawEdge(
         part=cloud.part,
         source=cloud.source,
@@ -261,12 +269,12 @@ def _edge(
         upper_position_mm=upper,
         upper_inward=inward,
         position_u_mm=np.stack([out.u, down.u], axis=1),
-        normal_u=turned.u * DEG,
-        budget=(out, down, turned),
+        normal_u=direction.u * DEG,
+        budget=(out, down, direction),
         hand_eye_u_mm=shared,
         hand_eye_turn=None if shared is None else turn,
         checks=cloud.checks,
-        warnings=told,
+        warnings=notes,
     )
 
 
@@ -315,13 +323,15 @@ def place_u_mm(cloud: Cloud, frame: Int, point_mm: Float, along: Float) -> Float
     pose = cloud.base_from_profiler[frame]
     lever = point_mm - pose[:, :3, 3]
     flange = _flange_axes(cloud, frame)
-    return _propagated(cloud, np.concatenate([_turned(flange, along), _turned(flange, np.cross(lever, along))], axis=1))
+    return _propagated(
+        cloud, np.concatenate([_rotated(flange, along), _rotated(flange, np.cross(lever, along))], axis=1)
+    )
 
 
 def turn_u(cloud: Cloud, frame: Int, axis: Float) -> Float:
     """Standard uncertainty (k,) rad of a direction's turn about unit vectors (k, 3) in the base."""
-    turned = _turned(_flange_axes(cloud, frame), axis)
-    return _propagated(cloud, np.concatenate([np.zeros_like(turned), turned], axis=1))
+    rotated = _rotated(_flange_axes(cloud, frame), axis)
+    return _propagated(cloud, np.concatenate([np.zeros_like(rotated), rotated], axis=1))
 
 
 def _flange_axes(cloud: Cloud, frame: Int) -> Float:
@@ -330,7 +340,7 @@ def _flange_axes(cloud: Cloud, frame: Int) -> Float:
     return np.asarray(cloud.base_from_profiler[frame, :3, :3] @ cloud.flange_from_profiler[:3, :3].T)
 
 
-def _turned(base_from_flange: Float, vectors: Float) -> Float:
+def _rotated(base_from_flange: Float, vectors: Float) -> Float:
     return np.asarray(np.einsum("kji,kj->ki", base_from_flange, vectors))
 
 

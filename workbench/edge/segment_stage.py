@@ -23,7 +23,13 @@ from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import end_step_check
 from workbench.edge.broken_end import BrokenEnd, broken_end, is_free_end, root_rim, together_along, weights
 from workbench.edge.certified import certified, certified_linearity
-from workbench.edge.column_errors import ColumnErrors, Linearity, declared_linearity, told_of, without_column_errors
+from workbench.edge.column_errors import (
+    ColumnErrors,
+    Linearity,
+    correction_notes,
+    declared_linearity,
+    without_column_errors,
+)
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.groove_frames import two_plates_share
@@ -42,7 +48,7 @@ from workbench.edge.parameters import (
     RootNominal,
     usual_noise_mm,
 )
-from workbench.edge.residual_image import ASIDE_MM, FaceForm, FaceImage, face_image, forms
+from workbench.edge.residual_image import OFFSETS_MM, FaceForm, FaceImage, face_image, forms
 from workbench.edge.sizes import EndTerms, corrected_angles, sizes, straightened
 from workbench.edge.steps import burr_stations, waves_u
 from workbench.edge.unseen import (
@@ -80,7 +86,9 @@ STEPPED = (
     "the root face's end lies {:.2f} mm {} its course over {:.0f} mm of edge, about {:.0f} mm along it: returns are "
     "lost there, a burr stands out, or the edge itself steps: look at it; what a step would cost is in u"
 )
-ASIDE = "a part of the {} stands aside by {:.2f} mm, a step or second returns: sizes are those of its line without it"
+PART_OFFSET = (
+    "a part of the {} stands aside by {:.2f} mm, a step or second returns: sizes are those of its line without it"
+)
 
 
 @stage("edge.segment")
@@ -206,7 +214,7 @@ def _value(checks: Sequence[Check], name: str) -> float:
     return next((check.value or 0.0 for check in checks if check.name == name), 0.0)
 
 
-def either_piece_u(checks: Sequence[Check]) -> float:
+def u_of_both_pieces(checks: Sequence[Check]) -> float:
     """Standard uncertainty, rad, of the direction of a face in which checks found a corner: it has either piece's."""
     return _value(checks, "face_bend_deg") * DEG / math.sqrt(3.0)
 
@@ -251,15 +259,17 @@ def milled_edge(
     ledge_mm = ledge_takes_mm(_value(checks, "close_stands_out_mm"), corrected_angles(measured, at + measured.shift)[1])
     end = end._replace(hidden_u_mm=np.hypot(end.hidden_u_mm, ledge_mm))
     root, bevel = sizes(measured, at, tangent_u, root_form, bevel_form, end)
-    told: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     if rounding.size_mm > 0.0:
         sentence = FILLETED if tracked.end_is_corner[tracked.seen].all() else ROUNDED
-        told = (sentence.format(rounding.size_mm, measured.broken.beyond_mm.max()),)
+        notes = (sentence.format(rounding.size_mm, measured.broken.beyond_mm.max()),)
     if tracked.lies_on.any():
-        told += (LIES_ON,)
+        notes += (LIES_ON,)
     faces = ("root face", root_form), ("bevel face", bevel_form)
-    told += tuple(ASIDE.format(name, one.aside_mm) for name, one in faces if one.aside_mm > ASIDE_MM[0])
-    told += (*_steps(measured, at), *told_of(declared.errors))
+    notes += tuple(
+        PART_OFFSET.format(name, one.part_offset_mm) for name, one in faces if one.part_offset_mm > OFFSETS_MM[0]
+    )
+    notes += (*_steps(measured, at), *correction_notes(declared.errors))
     return MilledEdge(
         part=cloud.part,
         source=cloud.source,
@@ -278,14 +288,14 @@ def milled_edge(
         checks=(*cloud.checks, *checks),
         root=root,
         bevel=bevel,
-        warnings=told,
+        warnings=notes,
     )
 
 
 def _steps(measured: Measured, at: Float) -> tuple[str, ...]:
     """The largest step that the edge may have at arc lengths `at` (m,), where it stands out of the course."""
     step = np.interp(at + measured.shift, measured.end.course.at_mm, measured.said.step_mm)
-    off = np.abs(step) > np.maximum(2.0 * measured.end.course.u(at + measured.shift), ASIDE_MM[1])
+    off = np.abs(step) > np.maximum(2.0 * measured.end.course.u(at + measured.shift), OFFSETS_MM[1])
     if not off.any():
         return ()
     most = np.argmax(np.abs(step))
@@ -313,9 +323,9 @@ def _forms(
         image(ROOT_FACE, own) or image(ROOT_FACE, measured.s_low),
         *(image(of, measured.s_low) for of in (BEVEL_FACE, LOWER_SURFACE, UPPER_SURFACE)),  # the last: of the sensor
     ]
-    either = either_piece_u(checks)
+    pieces_u = u_of_both_pieces(checks)
     root, bevel, lower, _ = forms(images, at, declared.sensor)
-    root, bevel = (replace(one, turn_u=np.hypot(one.turn_u, either)) for one in (root, bevel))
+    root, bevel = (replace(one, turn_u=np.hypot(one.turn_u, pieces_u)) for one in (root, bevel))
     return root, bevel, lower
 
 
@@ -372,9 +382,9 @@ def laser_plane_u(cloud: Cloud) -> float:
     """
     covariance = cloud.hand_eye_covariance
     u = 0.0 if covariance is None else math.sqrt(float(np.trace(covariance[3:, 3:])) / 3.0)
-    told = {check.name: check.value or 0.0 for check in cloud.checks}
-    held = told.get("flange_turn_deg") == 0.0 and told.get("twist_deg", 0.0) > SEEN_TWIST_DEG
-    return math.hypot(u, told["twist_deg"] * DEG) if held else u
+    values = {check.name: check.value or 0.0 for check in cloud.checks}
+    held = values.get("flange_turn_deg") == 0.0 and values.get("twist_deg", 0.0) > SEEN_TWIST_DEG
+    return math.hypot(u, values["twist_deg"] * DEG) if held else u
 
 
 def section_axes(measured: Measured, at: Float) -> tuple[Float, Float, Float]:

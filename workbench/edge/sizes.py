@@ -48,14 +48,14 @@ def sizes(
     leverage = np.sqrt(np.maximum(run_root**2 + run_bevel**2 - 2.0 * run_root * run_bevel * np.cos(beta), 0.0))
     # What obliquity makes of the root face's drift.
     drift_u = np.abs(run_bevel) * np.sin(beta) * measured.end.course.slope_u(s)
-    turned = np.hypot(lever / np.sin(beta) * bevel_u, 0.5 * root / np.abs(np.tan(beta)) * tilt_u)
+    directions = np.hypot(lever / np.sin(beta) * bevel_u, 0.5 * root / np.abs(np.tan(beta)) * tilt_u)
     # The end comes along the rays onto the root face's line, the corner is where both lines cross.
     corner = root_form.upper_u_mm / np.tan(beta), root_form.lower_u_mm * end.steep, bevel_form.lower_u_mm / np.sin(beta)
     root_u = {
         END: measured.end.course.u(s),
         STEPS: end.level_u_mm,
         HIDDEN: end.hidden_u_mm,
-        DIRECTIONS: turned,
+        DIRECTIONS: directions,
         TANGENT: tangent_u * np.abs(run_root) * root,
         FORM: np.sqrt(sum(of**2 for of in (*corner, end.lower_u_mm))),
         ROUNDING: end.broken_u_mm,

@@ -149,38 +149,38 @@ def _off_the_face(s: Float, value: Float, noise: _Noise, sigma: Float, sense: fl
     """
     near = np.lib.stride_tricks.sliding_window_view(np.pad(value, NEAR, mode="symmetric"), 2 * NEAR + 1)
     around = np.sort(near, axis=1)[:, round(2 * NEAR * LOW)] + LOWER * sigma
-    if (_told(value - around, sigma).own > 0.5).all():
+    if (_posterior(value - around, sigma).own > 0.5).all():
         return []
     step = np.diff(value, prepend=value[0])  # a stretch may be longer than what is near: without what jumps
     jumped = np.cumsum(
         np.where(np.abs(step) > JUMP * np.hypot(noise.u, np.append(noise.u[:1], noise.u[:-1])), step, 0.0)
     )
     starts = around, value - jumped + np.quantile(jumped, LOW)
-    settled = [_settled(s, value, noise, _told(value - start, sigma), sense) for start in starts]
+    settled = [_settled(s, value, noise, _posterior(value - start, sigma), sense) for start in starts]
     return [one._replace(evidence=one.evidence - math.log(len(starts))) for one in settled if one is not None]
 
 
-def _settled(s: Float, value: Float, noise: _Noise, told: _Told, sense: float) -> _Reading | None:
-    """The reading to which what cells are `told` to be at first leads (expectation maximisation).
+def _settled(s: Float, value: Float, noise: _Noise, posterior: _Posterior, sense: float) -> _Reading | None:
+    """The reading to which a first `posterior` of the cells leads (expectation maximisation).
 
     Cells that stand off by one height tell the face's shape with its own.
     """
     stiffness = None
     for _ in range(MOST_ROUNDS):
-        known = np.maximum(told.own, told.even)
-        if (told.own > LEAST_OWN).sum() < LEAST_CELLS // 2:
+        known = np.maximum(posterior.own, posterior.even)
+        if (posterior.own > LEAST_OWN).sum() < LEAST_CELLS // 2:
             return None
-        shown = np.where(told.even > told.own, value - told.height, value)
+        shown = np.where(posterior.even > posterior.own, value - posterior.height, value)
         variance = noise.u**2 / np.maximum(known, LEAST_OWN)
         course = noise.course(s, np.where(known > LEAST_OWN, shown, np.nan), variance, stiffness)
         stiffness = course.stiffness
-        before, told = told.own, _told(value - course.value(s), noise.of(course))
-        if np.abs(told.own - before).max() < SETTLED:
+        before, posterior = posterior.own, _posterior(value - course.value(s), noise.of(course))
+        if np.abs(posterior.own - before).max() < SETTLED:
             break
-    if (told.own > 0.5).all() or (told.own > 0.5).mean() < LEAST_SHARE:
+    if (posterior.own > 0.5).all() or (posterior.own > 0.5).mean() < LEAST_SHARE:
         return None
-    evidence = told.evidence - _cost(course, int((known > LEAST_OWN).sum()))
-    return _Reading(evidence, told.own, course, told.even.clip(0.0, 1.0), told.height, sense)
+    evidence = posterior.evidence - _cost(course, int((known > LEAST_OWN).sum()))
+    return _Reading(evidence, posterior.own, course, posterior.even.clip(0.0, 1.0), posterior.height, sense)
 
 
 def _cost(course: Course, cells: int) -> float:
@@ -196,8 +196,8 @@ def _clean(off: Float, u: Float) -> Float:
     return np.log(np.exp(-0.5 * (off / u) ** 2) / (FULL * u) + STRAY)
 
 
-class _Told(NamedTuple):
-    """What cells (c,) off a face say by all ways to part them."""
+class _Posterior(NamedTuple):
+    """What cells (c,) off a face show, over all ways to divide them into stretches."""
 
     evidence: float  # log-likelihood
     own: Shaped[Float, " c"]  # probability that a cell shows the face's own end
@@ -205,11 +205,11 @@ class _Told(NamedTuple):
     height: Shaped[Float, " c"]  # that height then, mm
 
 
-def _told(off: Float, u: Float) -> _Told:
+def _posterior(off: Float, u: Float) -> _Posterior:
     """Of cells `off` (c,) the face, mm, with standard uncertainties (c,)."""
     below = -0.5 * (np.minimum(off, 0.0) / u) ** 2  # nothing off the face lies below it, but for noise
-    change, beside = np.diff(off, prepend=off[0]), np.hypot(u, np.append(u[:1], u[:-1]))
-    apart = np.hypot(RAGGED_MM, beside)
+    change, change_u = np.diff(off, prepend=off[0]), np.hypot(u, np.append(u[:1], u[:-1]))
+    apart = np.hypot(RAGGED_MM, change_u)
     ragged = below - np.log(math.pi * apart * (1.0 + (change / apart) ** 2))
     # Half of what a height costs where the stretch begins, half where it ends: the same from either side.
     limit = -0.5 * (np.maximum(off, 0.0) / OFF_MM + math.log(OFF_MM))
@@ -220,9 +220,9 @@ def _told(off: Float, u: Float) -> _Told:
     reach = np.zeros(off.size, np.int64)
     _stretches(_Cells(*map(as_input, of)), chance, kinds, height, reach)
     out = np.zeros((3, off.size + 1))
-    log = _parted(np.concatenate([[0.0], clean, [0.0]]), kinds, height, reach, out)
+    log = _forward_backward(np.concatenate([[0.0], clean, [0.0]]), kinds, height, reach, out)
     own, even, total = out[:, :-1]
-    return _Told(log, own, even, total / np.maximum(even, 1e-6))
+    return _Posterior(log, own, even, total / np.maximum(even, 1e-6))
 
 
 class _Cells(NamedTuple):
@@ -279,7 +279,7 @@ def _stretches(cells: _Cells, chance: Float, out: Float, height: Float, reach: I
 
 
 @kernel
-def _parted(clean: Float, kinds: Float, height: Float, reach: Int, out: Float) -> float:
+def _forward_backward(clean: Float, kinds: Float, height: Float, reach: Int, out: Float) -> float:
     """Fill in out (3, c + 1), probabilities of own and even cells, and the latter times the height; log-likelihood.
 
     clean (c + 2,): logarithmic densities of the face's own ends, 0 beside the first and the last cell; kinds (2, c, n)
@@ -308,7 +308,7 @@ def _parted(clean: Float, kinds: Float, height: Float, reach: Int, out: Float) -
 
 @kernel
 def _add_heights(ahead: Float, behind: Float, even: Float, height: Float, reach: Int, clean: Float, out: Float) -> None:
-    """Fill in rows 1 and 2 of out (`_parted`), by the log-likelihoods of all cells before and behind (c + 2,)."""
+    """Fill in rows 1 and 2 of out of `_forward_backward`, by log-likelihoods of all cells before and after (c + 2,)."""
     size = clean.size - 2
     for b in range(size):
         for n in range(reach[b]):

@@ -139,9 +139,11 @@ def by_thickness(
     left = tuple(one for one in unseen if one.name not in BY_THICKNESS)
     if not abs(found - thickness_mm) > DISAGREES * math.hypot(float(np.nanmedian(edge.root.u)), THICKNESS_U_MM):
         return left
-    told = f"That the root face ends where its returns do: the plate is {thickness_mm:g} mm thick, and that end lies "
-    told += f"{found:.3f} mm below its upper surface."
-    return (Unseen("thickness", told, {"root_mm": abs(found - thickness_mm)}, is_doubt=True), *left)
+    sentence = (
+        f"That the root face ends where its returns do: the plate is {thickness_mm:g} mm thick, and that end lies "
+        f"{found:.3f} mm below its upper surface."
+    )
+    return (Unseen("thickness", sentence, {"root_mm": abs(found - thickness_mm)}, is_doubt=True), *left)
 
 
 def ends_in_nothing(z_mm: AnyArray, outwards: Int, here: Bool) -> bool:
@@ -159,11 +161,13 @@ def fixed_end_check(cloud: Cloud, ends: Sequence[Int], frames: int) -> Check:
     the end moves over the columns, others of its frames light the next one; what returns from behind does so too.
     """
     share = max(float(dark_beyond(cloud.z_mm, cloud.keep, columns).sum()) for columns in ends) / frames
-    told = "the face ends where the part does, or not in one column"
+    finding = "the face ends where the part does, or not in one column"
     if share > PINNED:
-        told = f"in {100 * share:.0f} % of the frames the face ends beside a column that hardly ever returns: an end "
-        told += "of the window, or blind columns, would not show"
-    return Check("fixed_end_share", share, None, True, "an end of the part moves in the view as the part does", told)
+        finding = (
+            f"in {100 * share:.0f} % of the frames the face ends beside a column that hardly ever returns: an end "
+            "of the window, or blind columns, would not show"
+        )
+    return Check("fixed_end_share", share, None, True, "an end of the part moves in the view as the part does", finding)
 
 
 def cut_by_dark(cloud: Cloud, outwards: Int, place: Float, pitch: Float) -> Bool:
@@ -221,8 +225,8 @@ class _Section:
     def _shape(self, profiler: Shaped[Float, "3 3"]) -> tuple[Float, Float]:
         """Length (f,) of the root face in the section by that in the frame, and bevel angle (f,) in rad."""
         lines = np.stack([np.ones_like(self.slopes), np.zeros_like(self.slopes), self.slopes], axis=-1)
-        turned = np.einsum("fij,jk,nfk->nfi", self._turn, profiler, lines)
-        across = turned - np.einsum("nfi,fi->nf", turned, self._tangent)[..., None] * self._tangent
+        rotated = np.einsum("fij,jk,nfk->nfi", self._turn, profiler, lines)
+        across = rotated - np.einsum("nfi,fi->nf", rotated, self._tangent)[..., None] * self._tangent
         length = np.linalg.norm(across, axis=-1)
         cosine = (across[0] * across[1]).sum(axis=-1) / (length[0] * length[1])
         return length[0] / np.linalg.norm(lines[0], axis=-1), np.arccos(np.clip(cosine, -1.0, 1.0))

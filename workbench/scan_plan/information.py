@@ -351,8 +351,8 @@ def _broken(root_mm: float, profiler: Profiler, known: Knowledge, view: View, fr
     # a pixel a column wide, which returns where half of it is filled
     usual = np.abs(blank.pixels[0] - [1.0, 0.5]).sum(axis=1).argmin()
     none, most, pixel = np.zeros(sizes.size), np.full(sizes.size, MOST_INCIDENCE), np.full(sizes.size, usual)
-    depth, aside, _ = rendered_end(blank, sizes, none, most, pixel, np.zeros(sizes.size, np.int64), none)
-    means = depth - blank.nearer * aside
+    depth, shift, _ = rendered_end(blank, sizes, none, most, pixel, np.zeros(sizes.size, np.int64), none)
+    means = depth - blank.nearer * shift
     return tuple(seen_end(blank._replace(known=blank.known._replace(mean=mean)), templates) for mean in means)
 
 

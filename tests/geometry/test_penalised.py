@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from workbench.geometry.penalised import BAND, Penalised, beside, penalised
+from workbench.geometry.penalised import BAND, Penalised, penalised, with_local_noise
 from workbench.geometry.processes import Process, correlated
 from workbench.units import Float
 
@@ -114,7 +114,7 @@ def test_noise_of_neighbours_as_the_whole_covariance(passes: int, orders: tuple[
     plain = penalised(s, y, 1.0 / variance, s[0] + 4.0 * np.arange(-3, 105.0), orders, orders[0] == 0)
     covariance = rough.covariance(s, spread, np.zeros(s.size)) + np.diag(variance)
     whole, noise = correlated(plain, s, y, np.linalg.inv(covariance)), rough.near(s, spread, variance, passes)
-    made, at, share = beside(plain, s, y, noise), np.linspace(0.0, 398.0, 99), np.array([0.2, 0.5, 0.3])
+    made, at, share = with_local_noise(plain, s, y, noise), np.linspace(0.0, 398.0, 99), np.array([0.2, 0.5, 0.3])
     found = made.evidence(STRENGTHS) - noise.log_determinant
     np.testing.assert_allclose(found, whole.evidence(STRENGTHS), rtol=1e-5)
     for one, other in zip(made.average(STRENGTHS, share, at), whole.average(STRENGTHS, share, at), strict=True):

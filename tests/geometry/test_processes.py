@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.geometry.course import Course, fit_course, processes_told
+from workbench.geometry.course import Course, fit_course, likely_processes
 from workbench.geometry.processes import Process, Shared
 from workbench.units import Float
 
@@ -70,7 +70,7 @@ def costs(y: Float, *shared: Process) -> Float:
 @pytest.mark.parametrize(("length_mm", "jerks"), [(12.0, False), (50.0, True)])
 def test_values_tell_whether_a_process_jerks(length_mm: float, jerks: bool) -> None:
     possible = [Process(0.03, length_mm, jerks=one) for one in (False, True)]
-    told = [processes_told(S, drawn(seed, possible[jerks]), ONE_PASS, possible) for seed in SEEDS]
+    told = [likely_processes(S, drawn(seed, possible[jerks]), ONE_PASS, possible) for seed in SEEDS]
     assert np.mean([sum(one.share for one in each if one.jerks == jerks) for each in told]) > 0.9
 
 
@@ -80,7 +80,7 @@ def test_what_is_not_declared_costs_little_more(length_mm: float) -> None:
     for seed in SEEDS[:3]:
         y = drawn(seed, Process(0.03, length_mm))
         declared += costs(y, Process(0.03, length_mm))
-        told += costs(y, *processes_told(S, y, ONE_PASS, POSSIBLE))
+        told += costs(y, *likely_processes(S, y, ONE_PASS, POSSIBLE))
     assert (told < 1.4 * declared).all()
 
 
@@ -89,7 +89,7 @@ def test_waves_of_the_edge_itself_are_not_the_robots(height: float, over_mm: flo
     """What is far more than a robot errs is the edge's, however short, whether errors are declared or told."""
     wave, errs = height * np.sin(S / over_mm), Process(0.012, 6.0)
     y = drawn(5, errs) + wave
-    for shared in ((errs,), processes_told(S, y, ONE_PASS, POSSIBLE)):
+    for shared in ((errs,), likely_processes(S, y, ONE_PASS, POSSIBLE)):
         found = course(y, *shared)
         off = found.value(S) - 0.2 * np.sin(S / 25.0) - wave
         assert np.abs(off / found.u(S)).max() < 3.0
@@ -97,14 +97,14 @@ def test_waves_of_the_edge_itself_are_not_the_robots(height: float, over_mm: flo
 
 
 def test_short_errors_that_values_do_not_have_are_not_told() -> None:
-    told = processes_told(S, drawn(6, Process(0.0, 5.0)), ONE_PASS, POSSIBLE)
+    told = likely_processes(S, drawn(6, Process(0.0, 5.0)), ONE_PASS, POSSIBLE)
     assert sum(one.share * one.strength**2 for one in told if one.length_mm < 10.0) < 0.002**2
 
 
 def test_passes_beside_each_other_tell_the_strength() -> None:
     """What passes do not repeat is no course's."""
     y = np.concatenate([drawn(k, Process(0.03, 24.0)) for k in range(4)])
-    told = processes_told(np.tile(S, 4), y, np.repeat(np.arange(4), S.size), POSSIBLE)
+    told = likely_processes(np.tile(S, 4), y, np.repeat(np.arange(4), S.size), POSSIBLE)
     assert 0.02 < np.sqrt(sum(one.share * one.strength**2 for one in told)) < 0.045
 
 

@@ -27,7 +27,7 @@ from workbench.errors import InputError
 from workbench.geometry.along import between, by_pass, in_order, running_median
 from workbench.geometry.blocks import evenly
 from workbench.geometry.chains import FaceLines
-from workbench.geometry.course import Course, fit_course, processes_told
+from workbench.geometry.course import Course, fit_course, likely_processes
 from workbench.geometry.curves import Curve, along_motion, curve_through, fit_curve
 from workbench.geometry.end_face import MARGIN_MM
 from workbench.geometry.grids import columns_to_next
@@ -144,7 +144,7 @@ class Robot(NamedTuple):
         smooth = [Process(strength, length) for strength in strengths for length in lengths]
         jerky = [one._replace(jerks=True) for one in smooth if one.length_mm in lengths[-LONG:]]
         possible = [*smooth, *jerky]
-        return Shared(None, processes_told(s, stand_out, pass_index, possible), may_step=True)
+        return Shared(None, likely_processes(s, stand_out, pass_index, possible), may_step=True)
 
 
 def measure_raw_edge(cloud: Cloud, found: RawFaces, condition: EdgeCondition, robot: Robot) -> RawMeasured:

@@ -98,9 +98,9 @@ def direction_u(measured: Measured, s: Float, root_form_u: Float, bevel_form_u: 
     Beside what the faces' form makes of them (m,), by which passes differ too.
     """
     faces = measured.faces
-    bevel_u, apart = faces.bevel_course.u_beside(s, bevel_form_u), faces.opening_course.value(s)
+    bevel_u, apart = faces.bevel_course.u_without(s, bevel_form_u), faces.opening_course.value(s)
     alone = faces.root_course.value(s) - faces.bevel_course.value(s)
-    root_u, opening_u = (one.u_beside(s, root_form_u) for one in (faces.root_course, faces.opening_course))
+    root_u, opening_u = (one.u_without(s, root_form_u) for one in (faces.root_course, faces.opening_course))
     tilt = (1.0 - faces.follows) * root_u**2 + faces.follows * opening_u**2
     angle = tilt + bevel_u**2 + faces.follows * (1.0 - faces.follows) * (alone - apart) ** 2
     return np.sqrt(tilt), bevel_u, np.sqrt(angle)

@@ -19,8 +19,8 @@ import numpy as np
 from workbench.geometry.blocks import as_input
 from workbench.geometry.medians import median, medians, row_medians
 from workbench.geometry.moves import chords_mm
-from workbench.geometry.penalised import LocalNoise, Penalised, beside, penalised
-from workbench.geometry.processes import Correlated, Process, Shared, correlated, shapes_told
+from workbench.geometry.penalised import LocalNoise, Penalised, penalised, with_local_noise
+from workbench.geometry.processes import Correlated, Process, Shared, correlated, shape_sizes
 from workbench.geometry.splines import Spline
 from workbench.kernels import kernel
 from workbench.units import TO_SD, AnyArray, Bool, Float, Int, Shaped
@@ -28,7 +28,7 @@ from workbench.units import TO_SD, AnyArray, Bool, Float, Int, Shaped
 BIN_MM, LEAST_BINS = 2.0, 40  # frames are averaged over this much edge, or over this part of a short one
 LEAST_PIECES = 5  # of the spline; else its knots are two bins apart
 OUTLIER_SIGMAS = 5.0  # of the frames' own scatter; one in two million by chance
-BESIDE = 5  # bins whose median says roughly where the course runs
+MEDIAN_BINS = 5  # bins whose median says roughly where the course runs
 RESETTLED = 6  # times that the noise settles beside what bins share
 LEAST_SHARED = 3  # bins in which passes tell how far they lie beside each other
 ALL_ALIKE = 1e-12  # of the strongest: what differences of passes do not tell, the offset of all
@@ -101,13 +101,13 @@ class Course:
             variance = variance + beyond**2 * np.interp(s, self.at_mm, self.slope_variance)
         return np.sqrt(variance)
 
-    def u_beside(self, s: Float, known_u: Float) -> Float:
-        """`u` (m,) beside errors of each pass whose u (m,) is told elsewhere: passes differ by as much, or by more.
+    def u_without(self, s: Float, known_u: Float) -> Float:
+        """`u` (m,) without errors of each pass whose u (m,) is counted elsewhere: passes differ by as much, or by more.
 
-        By how far a few passes differ tells badly how much they err: up to CHANCE times what is known is by chance.
+        By how far a few passes differ shows badly how much they err: up to CHANCE times what is known is by chance.
         """
-        told = np.minimum(self.between, (CHANCE * known_u) ** 2)
-        return np.sqrt(np.maximum(self.u(s) ** 2 - told, 0.0))
+        known = np.minimum(self.between, (CHANCE * known_u) ** 2)
+        return np.sqrt(np.maximum(self.u(s) ** 2 - known, 0.0))
 
     def shared_u(self, s: Float) -> Float:
         """What of `u` (m,) is by errors that values share."""
@@ -302,7 +302,7 @@ def _under(
     bin_mm: float,
 ) -> tuple[float, Callable[[], Course]]:
     """The evidence of one process, or none, that values share; and the course under it, for when it is asked for."""
-    bins, between, turned = (bins, 0.0, Turned()) if process and process.by_pass else _aligned(bins, orders[0] > 1)
+    bins, between, pass_turn = (bins, 0.0, PassTurn()) if process and process.by_pass else _aligned(bins, orders[0] > 1)
     noise_factor = _noise(bins, stated, orders, process)
     alone = 1.0 if stated else noise_factor  # a bin of one value scatters as the value does
     frame_factor = alone if math.isnan(bins.frame_factor) else bins.frame_factor
@@ -351,8 +351,8 @@ def _under(
         # Values that leave the course by more are noisier than stated: what they share is as declared.
         raised = max(1.0, misfit)
         value, slope = raised * np.stack([value, slope]) + (1.0 - raised) * by_shared
-        value += between + turned.variance * (stations - turned.about_mm) ** 2
-        slope += turned.variance
+        value += between + pass_turn.variance * (stations - pass_turn.about_mm) ** 2
+        slope += pass_turn.variance
         return Course(
             spline,
             stations,
@@ -389,7 +389,7 @@ def _problems(
     if covariance is None:
         return plain
     if isinstance(covariance, LocalNoise):
-        return {low: beside(one, s, y, covariance) for low, one in plain.items()}
+        return {low: with_local_noise(one, s, y, covariance) for low, one in plain.items()}
     inverse = np.asarray(np.linalg.inv(covariance), dtype=float)
     return {low: correlated(one, s, y, inverse) for low, one in plain.items()}
 
@@ -424,12 +424,12 @@ def _steps(
     problem = correlated(penalised(s, y, weight, knots, orders), s, y, inverse)
     ahead = (bins.s[:, None] >= bins.s) & (bins.group[:, None] == bins.group)
     behind = ~ahead & (bins.group[:, None] == bins.group)
-    told = np.minimum(ahead.sum(axis=0), behind.sum(axis=0)) >= LEAST_SHARED
+    possible = np.minimum(ahead.sum(axis=0), behind.sum(axis=0)) >= LEAST_SHARED
     plain = problem.evidence(strengths)
-    size, u = shapes_told(problem, y[:, 0], ahead[:, told].astype(float), strengths)
+    size, u = shape_sizes(problem, y[:, 0], ahead[:, possible].astype(float), strengths)
     most = STEP**2 + u**2
     log = 0.5 * size**2 * (1.0 / u**2 - 1.0 / most) + 0.5 * np.log(u**2 / most) + plain[:, None]
-    return size, log - math.log(STEPLESS * max(int(told.sum()), 1)), plain
+    return size, log - math.log(STEPLESS * max(int(possible.sum()), 1)), plain
 
 
 def _few_priors(bins: Bins, stated: bool, orders: tuple[int, int], process: Process) -> Float:
@@ -439,7 +439,7 @@ def _few_priors(bins: Bins, stated: bool, orders: tuple[int, int], process: Proc
     return priors[priors[:, 0] == orders[0], 1:][::STEP_PRIORS]
 
 
-def processes_told(
+def likely_processes(
     s: Float, y: Float, group: Int, possible: Sequence[Process], orders: tuple[int, int] = (2, 3)
 ) -> tuple[Process, ...]:
     """The errors that values y (n,) at s (n,) mm may share, with their shares by the likelihood under each.
@@ -554,8 +554,8 @@ def _as_values(s: Float, y: Float, variance: Float | None, group: Int | None, bi
     s, passes = s[order], passes[order]
     least = LEAST_BINS if bin_mm <= BIN_MM else LEAST_BINS // 4
     width = min(bin_mm, max(float(np.ptp(s)), 1e-6) / least)
-    parted = np.flatnonzero(np.diff(passes)) + 1
-    begins = np.concatenate([[0], parted, [s.size]])
+    breaks = np.flatnonzero(np.diff(passes)) + 1
+    begins = np.concatenate([[0], breaks, [s.size]])
     edges = np.union1d(begins, np.flatnonzero(np.diff(stretches(s, width))) + 1)
     return Values(
         order,
@@ -595,14 +595,14 @@ def _digits(values: Values) -> float:
     return DIGITS * float(np.abs(values.y).max()) / math.sqrt(float(values.variance.min()))
 
 
-class Turned(NamedTuple):
+class PassTurn(NamedTuple):
     """How passes that bend together turn against each other."""
 
     variance: float = 0.0  # of the slope that they have together
     about_mm: float = 0.0
 
 
-def _aligned(bins: Bins, bends: bool) -> tuple[Bins, float, Turned]:
+def _aligned(bins: Bins, bends: bool) -> tuple[Bins, float, PassTurn]:
     """The bins with each pass's own offset taken off (they still average to 0), and the variance that this leaves.
 
     Passes differ by what the robot repeats within a pass and not between passes: that is no wave of the course. A place
@@ -611,7 +611,7 @@ def _aligned(bins: Bins, bends: bool) -> tuple[Bins, float, Turned]:
     """
     passes = np.unique(bins.group)
     if passes.size < 2:
-        return bins, 0.0, Turned()
+        return bins, 0.0, PassTurn()
     of_pass = [np.flatnonzero(bins.group == p) for p in passes]
     width = 2.0 * max(median(np.diff(bins.s[mine])) if mine.size > 1 else 0.0 for mine in of_pass) + 1e-9
     pairs = [(i, j, *_against(bins, of_pass[i], of_pass[j], width)) for i, j in permutations(range(passes.size), 2)]
@@ -619,7 +619,7 @@ def _aligned(bins: Bins, bends: bool) -> tuple[Bins, float, Turned]:
     count = np.array([at.size for at in shared])
     seen = count >= LEAST_SHARED
     if not seen.any():
-        return (*(_meeting(bins, of_pass) if bends else (bins, 0.0)), Turned())
+        return (*(_meeting(bins, of_pass) if bends else (bins, 0.0)), PassTurn())
     every = np.concatenate(shared)
     middle, half = 0.5 * float(every.min() + every.max()), 0.5 * float(np.ptp(every)) + 1e-9
     most = (np.ptp(at) > 0.5 * np.ptp(bins.s[mine]) for mine, at in zip(of_pass, shared, strict=True))
@@ -645,9 +645,9 @@ def _aligned(bins: Bins, bends: bool) -> tuple[Bins, float, Turned]:
     off[:, 1] /= half
     off[~seen] = 0.0
     number = np.searchsorted(passes, bins.group)
-    between, turned = (off[seen] ** 2).mean(axis=2).sum(axis=0) / max(seen.sum() * (seen.sum() - 1), 1)
+    between, slope_variance = (off[seen] ** 2).mean(axis=2).sum(axis=0) / max(seen.sum() * (seen.sum() - 1), 1)
     y = bins.y - off[number, 0] - off[number, 1] * (bins.s - middle)[:, None]
-    return replace(bins, y=y), float(between), Turned(float(turned), middle)
+    return replace(bins, y=y), float(between), PassTurn(float(slope_variance), middle)
 
 
 def _against(bins: Bins, mine: Int, other: Int, width: float) -> tuple[Float, Float, Float]:
@@ -656,8 +656,8 @@ def _against(bins: Bins, mine: Int, other: Int, width: float) -> tuple[Float, Fl
     And what that counts (k,): frames beside a shadow show little of a face.
     """
     after = np.searchsorted(bins.s[other], bins.s[mine]).clip(1, max(other.size - 1, 1))
-    beside = [np.abs(bins.s[other[np.minimum(i, other.size - 1)]] - bins.s[mine]) for i in (after - 1, after)]
-    near = np.minimum.reduce(beside) < width
+    distances = [np.abs(bins.s[other[np.minimum(i, other.size - 1)]] - bins.s[mine]) for i in (after - 1, after)]
+    near = np.minimum.reduce(distances) < width
     on = mine[near & (bins.s[mine] >= bins.s[other[0]]) & (bins.s[mine] <= bins.s[other[-1]])]
     both = *bins.y[other].T, bins.variance[other]
     *there, variance = (np.interp(bins.s[on], bins.s[other], of) for of in both)
@@ -720,7 +720,7 @@ def _inliers(values: Values) -> Bool:
             continue
         edges = values.edges[(values.edges >= mine.start) & (values.edges <= mine.stop)]
         place = medians(values.s, edges)
-        middle = [np.median(_neighbours(medians(part, edges), BESIDE), axis=1) for part in values.y.T]
+        middle = [np.median(_neighbours(medians(part, edges), MEDIAN_BINS), axis=1) for part in values.y.T]
         about = np.stack([np.interp(values.s[mine], place, one) for one in middle], axis=1)
         size = np.linalg.norm(values.y[mine] - about, axis=1) / np.sqrt(values.variance[mine])
         kept[mine] = size <= OUTLIER_SIGMAS * max(median(size) * TO_SD, _digits(values))
@@ -822,13 +822,13 @@ def _noise_factor(bins: Bins, stated: bool, order: int, process: Process | None)
     known = max(1.0, factor) if stated else factor
     gap = np.diff(bins.s)
     widest = 2.5 * median(gap[gap > 0]) if (gap > 0).any() else 0.0
-    parted = np.concatenate([[0], np.cumsum((np.diff(bins.group) != 0) | (gap <= 0) | (gap > widest))])
+    run = np.concatenate([[0], np.cumsum((np.diff(bins.group) != 0) | (gap <= 0) | (gap > widest))])
     k = np.arange(reach, bins.s.size - reach)
-    k = k[parted[k - reach] == parted[k + reach]]
+    k = k[run[k - reach] == run[k + reach]]
     if k.size < 4:
         return _noise_factor(bins, stated, 1, process) if order > 1 else max(known, LEAST_FACTOR)
-    beside = np.concatenate([np.arange(-reach, 0), np.arange(1, reach + 1)])
-    at = bins.s[k[:, None] + beside] - bins.s[k][:, None]
+    offsets = np.concatenate([np.arange(-reach, 0), np.arange(1, reach + 1)])
+    at = bins.s[k[:, None] + offsets] - bins.s[k][:, None]
     share = np.stack(
         [
             np.prod([at[:, i] / (at[:, i] - at[:, j]) for i in range(2 * reach) if i != j], axis=0)
@@ -836,12 +836,12 @@ def _noise_factor(bins: Bins, stated: bool, order: int, process: Process | None)
         ],
         axis=1,
     )
-    off = bins.y[k] - np.einsum("kj,kjd->kd", share, bins.y[k[:, None] + beside])
-    expected = bins.variance[k] + (share**2 * bins.variance[k[:, None] + beside]).sum(axis=1)
+    off = bins.y[k] - np.einsum("kj,kjd->kd", share, bins.y[k[:, None] + offsets])
+    expected = bins.variance[k] + (share**2 * bins.variance[k[:, None] + offsets]).sum(axis=1)
     z2 = (off**2).mean(axis=1) / expected  # of all components: the frame that they are given in does not matter
     found = _bounded_mean(z2)
     if process:
-        row, column = np.concatenate([np.ones((k.size, 1)), -share], axis=1), k[:, None] + np.append(0, beside)
+        row, column = np.concatenate([np.ones((k.size, 1)), -share], axis=1), k[:, None] + np.append(0, offsets)
         together = process.covariance(bins.s[column], bins.spread[column], bins.group[column])
         alike = np.einsum("ki,kij,kj->k", row, together, row) / expected
         least = LEAST_OWN * found  # or no digits are left

@@ -24,7 +24,7 @@ HIDDEN, SILHOUETTE, CORNER, GOES_ON = range(4)  # kinds of ends
 LEVEL_MM = 0.25  # width of the levels of q that are compared
 LEVELS = 5  # that one face may spread over
 STEP_MM = 3.0  # along the face without a return, at most
-ASIDE_POINTS = 10  # off the face between two of its own: more belong to something else, and the face has ended
+GAP_POINTS = 10  # off the face between two of its own: more belong to something else, and the face has ended
 JUMP_MM = 0.6  # across it between neighbouring returns, at most
 LEAST_WIDTH_MM = 1.0
 LEAST_POINTS = 8
@@ -40,7 +40,7 @@ SURFACE_SLACK, SURFACE_LEAN = 0.8, 0.15  # mm, and mm per mm of depth, that a su
 # What the plate lies on: lean to the upper surface, mm per mm, how far out it is seen, columns of the face below it.
 TABLE_LEAN, TABLE_MM, BELOW_COLUMNS = 0.05, 5.0, 2.0
 LOOK_COLUMNS = 12  # beyond the face's end, for what ends it
-ASIDE_MM = 0.3  # in front of or behind the face's line
+OFF_LINE_MM = 0.3  # in front of or behind the face's line
 PROUD_NEAR_MM, PROUD_FROM_MM, PROUD_TO_MM = 1.2, 0.08, 1.5  # of the edge: points that stand out there; how far
 BROKEN_MM = 2.0  # beyond the face, of a rounding or a chamfer
 LEFT_MM = 0.1  # under the face's line: it is left
@@ -48,7 +48,7 @@ END_POINTS = 7  # at the face's end that say how it leans there
 
 
 @kernel
-def _turned(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, at: Int, p: Float, q: Float) -> int:
+def _rotated(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, at: Int, p: Float, q: Float) -> int:
     """Fill columns `at`, p and q of the kept points; how many."""
     n = 0
     for j in range(x.size):
@@ -86,7 +86,7 @@ def _block(p: Float, q: Float, n: int, a: float, b: float, gate: float) -> tuple
     for k in range(n + 1):
         if k < n and abs(q[k] - a - b * p[k]) > gate:
             continue
-        if k < n and last >= 0 and abs(p[k] - p[last]) < STEP_MM and k - last <= ASIDE_POINTS:
+        if k < n and last >= 0 and abs(p[k] - p[last]) < STEP_MM and k - last <= GAP_POINTS:
             last = k
             continue
         if last >= 0 and abs(p[last] - p[first]) > longest:
@@ -183,7 +183,7 @@ def best_direction(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, ang
     best, most = 0.0, LEAST_WIDTH_MM
     for angle in angles:
         c, s = math.cos(angle), math.sin(angle)
-        n = _turned(x, z, keep, gx * c - gz * s, gz * c + gx * s, at, p, q)
+        n = _rotated(x, z, keep, gx * c - gz * s, gz * c + gx * s, at, p, q)
         if n < LEAST_POINTS:
             return
         length = _level(p, q, n, _rising(x, at, n, gx * c - gz * s))[1]
@@ -194,7 +194,7 @@ def best_direction(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, ang
     for _ in range(2):
         c, s = math.cos(best), math.sin(best)
         ux, uz = gx * c - gz * s, gz * c + gx * s
-        n = _turned(x, z, keep, ux, uz, at, p, q)
+        n = _rotated(x, z, keep, ux, uz, at, p, q)
         a, b, first, last, gate, _ = _settle(p, q, n, _level(p, q, n, _rising(x, at, n, ux))[0], False)
         if last < 0:
             return
@@ -205,7 +205,7 @@ def best_direction(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, ang
     for k in range(n):
         end = first if k < first else last
         r = (q[k] - a - b * p[k]) * np.sign(ux)
-        if first <= k <= last or abs(at[k] - at[end]) > 2 * LOOK_COLUMNS or abs(r) < max(ASIDE_MM, gate):
+        if first <= k <= last or abs(at[k] - at[end]) > 2 * LOOK_COLUMNS or abs(r) < max(OFF_LINE_MM, gate):
             continue
         is_lower = p[end] < 0.5 * (p[first] + p[last])
         out[(4 if is_lower else 2) + (0 if r > 0.0 else 1)] += 1.0
@@ -350,7 +350,7 @@ def _what_ends(p: Float, depth: Float, at: Int, n: int, columns: int, end: int, 
         return HIDDEN
     nearer, k = 0, end + way
     while 0 <= k < n and abs(at[k] - at[end]) <= LOOK_COLUMNS:
-        nearer += -depth[k] > ASIDE_MM
+        nearer += -depth[k] > OFF_LINE_MM
         k += way
     if nearer >= 2:
         return HIDDEN
@@ -385,7 +385,7 @@ def _read_frame(
 ) -> tuple[bool, bool]:
     """One frame of `read_frames`; work (4, M), at (M,) and chosen (M,) are scratch. Is there an end face; a streak?"""
     p, q, depth = work[0], work[1], work[2]
-    n = _turned(x, z, keep, gx, gz, at, p, q)
+    n = _rotated(x, z, keep, gx, gz, at, p, q)
     if n < LEAST_POINTS:
         return False, False
     rising = _rising(x, at, n, gx)
@@ -443,7 +443,7 @@ def _read_frame(
         ends[upper, END_X], ends[upper, END_Z], ends[upper, COLUMN] = x[j], z[j], way * j
         ends[upper, SLOPE] = _slope_at(x, z, at, depth, end, -way, gate)
         ends[upper, PITCH] = abs(np.float64(x[at[last]]) - np.float64(x[at[first]])) / abs(at[last] - at[first])
-        ends[upper, ALONE] = stands_alone(z, j + way, way, ASIDE_MM)
+        ends[upper, ALONE] = stands_alone(z, j + way, way, OFF_LINE_MM)
     return True, left
 
 

@@ -265,9 +265,9 @@ def _steps_to_next(keep: Bool) -> tuple[Int, Int]:
     return up, down
 
 
-def _fades(keep: Bool, j: int, beside: int) -> bool:
+def _fades(keep: Bool, j: int, neighbour: int) -> bool:
     """Whether column j returns more seldom than the one beside it: by more than losses do, which are either's."""
-    if not 0 <= beside < keep.shape[1]:
+    if not 0 <= neighbour < keep.shape[1]:
         return False
-    more, less = (keep[:, beside] & ~keep[:, j]).sum(), (keep[:, j] & ~keep[:, beside]).sum()
-    return bool(more - less > max(SELDOM * keep[:, beside].sum(), 2.0 * math.sqrt(more + less)))
+    more, less = (keep[:, neighbour] & ~keep[:, j]).sum(), (keep[:, j] & ~keep[:, neighbour]).sum()
+    return bool(more - less > max(SELDOM * keep[:, neighbour].sum(), 2.0 * math.sqrt(more + less)))

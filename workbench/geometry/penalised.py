@@ -147,7 +147,7 @@ def penalised(
     return Penalised(float(knots[3]), step, squares, normal, right, roughness, waves, line)
 
 
-def beside(plain: Penalised, s: Float, y: Float, noise: LocalNoise) -> Penalised:
+def with_local_noise(plain: Penalised, s: Float, y: Float, noise: LocalNoise) -> Penalised:
     """The same with the normal equations of values y (n, d) at s (n,) whose noise neighbours share.
 
     A whole number of coefficients apart, which noise joins, the matrix has entries: it is as wide.
@@ -262,16 +262,16 @@ def _factor(normal: Float, roughness: Float, held: Float, low: Float, logs: Floa
     for i in range(size):
         here = low[i + width - 1]
         for k in range(width - 1, -1, -1):
-            beside, n = low[i + width - 1 - k], normal[i, k]
+            earlier, n = low[i + width - 1 - k], normal[i, k]
             p, q = (roughness[0, i, k], roughness[1, i, k]) if k < BAND else (0.0, 0.0)
             for m in range(lanes):
                 here[k, m] = n + held[0, m] * p + held[1, m] * q
             for j in range(k + 1, width):
                 for m in range(lanes):
-                    here[k, m] -= here[j, m] * beside[j - k, m]
+                    here[k, m] -= here[j, m] * earlier[j - k, m]
             for m in range(lanes):
                 if k:
-                    here[k, m] *= beside[0, m]
+                    here[k, m] *= earlier[0, m]
                 else:
                     root = math.sqrt(here[0, m])
                     here[0, m] = 1.0 / root

@@ -158,7 +158,7 @@ class Correlated:
         return self.known[key]
 
 
-def shapes_told(problem: Correlated, y: Float, shapes: Float, strengths: Float) -> tuple[Float, Float]:
+def shape_sizes(problem: Correlated, y: Float, shapes: Float, strengths: Float) -> tuple[Float, Float]:
     """Sizes (j, k) of shapes (n, k) in the values y (n,), each beside the course alone, and their u (j, k).
 
     By generalised least squares under each of the strengths (j, 2).

@@ -226,12 +226,12 @@ def _standing(
             down = sine * h - cosine * v
             rises = _ball_rise(down - reach[k] + ball, ball)  # of what a ball end leaves
             out[i, j] = 65534 if height > rises else 65535
-            beside = min(max(k + 1 if along > 0.0 else k - 1, 0), last_station)
-            if abs(along) > beyond or height <= min(lowest[k], lowest[beside]) or down > reach[k]:
+            neighbour = min(max(k + 1 if along > 0.0 else k - 1, 0), last_station)
+            if abs(along) > beyond or height <= min(lowest[k], lowest[neighbour]) or down > reach[k]:
                 continue
             share = min(abs(along) / step, 0.5)
             for layer in range(face.shape[1]):
-                low, next_low = face[k, layer], face[beside, layer]
+                low, next_low = face[k, layer], face[neighbour, layer]
                 if next_low < np.inf and low < np.inf:
                     low += share * (next_low - low)
                 if height > low + rises:
@@ -273,14 +273,14 @@ def needed_heights(
 
 def _spread(poses: Shaped[Float, "k 4 4"], window: int) -> tuple[float, float]:
     """How far poses no more than `window` from each other lie apart along x and z, mm, and are turned at most."""
-    apart, turned = 0.0, 0.0
+    apart, rotation = 0.0, 0.0
     for shift in range(1, min(window, len(poses) - 1) + 1):
         one, other = poses[:-shift], poses[shift:]
         off = other[:, :3, 3] - one[:, :3, 3]
         for axes in (one, other):
             apart = max(apart, float(np.abs(np.einsum("ki,kij->kj", off, axes[:, :3, [0, 2]])).max()))
-        turned = max(turned, float(np.linalg.norm(other[:, :3, :3] - one[:, :3, :3], axis=(1, 2)).max()))
-    return apart, turned
+        rotation = max(rotation, float(np.linalg.norm(other[:, :3, :3] - one[:, :3, :3], axis=(1, 2)).max()))
+    return apart, rotation
 
 
 @kernel(inline="always")
@@ -309,7 +309,7 @@ def _needed(
     first: int,
     last: int,
 ) -> Float:
-    radius, clearance, tip, window, apart, turned = sizes
+    radius, clearance, tip, window, apart, rotation = sizes
     wide, clear2, final = radius + clearance, clearance * clearance, places.shape[0] - 1
     height = np.full(len(places), -np.inf)
     for i in range(first, last):
@@ -321,7 +321,7 @@ def _needed(
             k, along_edge, _, _ = _section_of(q, k, axes, step)
             nearest = min(np.searchsorted(arc, k * step + along_edge), final)
             inwards, y, along = _seen_from(places, nearest, q)
-            spare = apart + turned * np.sqrt(inwards * inwards + y * y + along * along)
+            spare = apart + rotation * np.sqrt(inwards * inwards + y * y + along * along)
             low = inwards > clearance + spare or along > tip + clearance + spare
             if low or not _is_supported(marked, i, j):
                 continue

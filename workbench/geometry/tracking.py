@@ -123,8 +123,8 @@ def _sums(
     for f in range(4):
         i, j = spans[f, 0], spans[f, 1]
         start, stop, k, c = limits[f, 0], limits[f, 1], state[f, SLOPE], state[f, OFFSET]
-        beside = LOWER if f == ROOT and state[LOWER, SEEN] else f
-        other, lean = state[beside], np.sqrt((1.0 + k * k) / (1.0 + state[beside, SLOPE] ** 2))
+        neighbour = LOWER if f == ROOT and state[LOWER, SEEN] else f
+        other, lean = state[neighbour], np.sqrt((1.0 + k * k) / (1.0 + state[neighbour, SLOPE] ** 2))
         n, mx, mr, sxx, sxr, srr = _moments(x[i:j], z[i:j], keep[i:j], side, start, stop, k, c, gates[f], other, lean)
         out[f, COUNT], out[f, SXX], out[f, SXZ] = n, sxx, sxr + k * sxx  # z no longer relative to the line
         out[f, SZZ] = srr + 2.0 * k * sxr + k * k * sxx
@@ -194,8 +194,8 @@ def _refit(state: Float, sums: Float, sigma: Float, free_slope: bool) -> float:
         if free_slope and n >= 6:
             state[f, SLOPE] = sums[f, SXZ] / max(sums[f, SXX], 1e-12)
         state[f, OFFSET] = sums[f, Z_MEAN] - state[f, SLOPE] * at
-        turned = abs(state[f, SLOPE] - slope) * np.sqrt(3.0 * sums[f, SXX] / n)
-        moved = max(moved, (abs(sums[f, Z_MEAN] - before) + turned) / sigma[f])
+        rotation = abs(state[f, SLOPE] - slope) * np.sqrt(3.0 * sums[f, SXX] / n)
+        moved = max(moved, (abs(sums[f, Z_MEAN] - before) + rotation) / sigma[f])
     return moved
 
 

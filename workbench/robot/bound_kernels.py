@@ -126,10 +126,10 @@ def swept_kernel(
     first, last, depth = np.zeros(64, np.int64), np.zeros(64, np.int64), np.zeros(64, np.int64)
     asked, many = np.empty((DEPTHS, len(scene.pairs)), np.int64), np.zeros(DEPTHS, np.int64)
     asked[0], many[0] = np.arange(len(scene.pairs)), len(scene.pairs)
-    need, beside = np.empty(len(carried)), np.zeros(len(scene.link))
+    need, external_mm = np.empty(len(carried)), np.zeros(len(scene.link))
     for n in range(count):
         _steps(joints, n, step)
-        stands, beside[:] = True, 0.0
+        stands, external_mm[:] = True, 0.0
         for j in range(6, many_axes):
             stands &= joints[n, :, j].max() == joints[n, :, j].min()
         _move(motion, turn, axes, points, joints[n], scene.slides, 0)
@@ -149,8 +149,8 @@ def swept_kernel(
                     moved = _moved(carried[w], moves, w, lever, reach, standing.middle, scene.around_mm)
                     need[w] = moved / (1.0 - total)
                 if not stands:
-                    _beside(motion, scene, standing.middle, reach, 1.0 / (1.0 - total), beside)
-                proven = _proven(standing, scene, need, by, least, beside, asked[d], many[d])
+                    _external_motion(motion, scene, standing.middle, reach, 1.0 / (1.0 - total), external_mm)
+                proven = _proven(standing, scene, need, by, least, external_mm, asked[d], many[d])
             left = many[d] - proven
             if left > 0 and a == b:
                 found[n, a] = True
@@ -171,19 +171,19 @@ def _proven(
     need: AnyArray,
     by: AnyArray,
     least: AnyArray,
-    beside: AnyArray,
+    external_mm: AnyArray,
     asked: AnyArray,
     many: int,
 ) -> int:
     """How many pairs of `asked[:many]` are farther apart than they need to be, before the first that may not be.
 
-    What stands on external axes moves by `beside` (S,) mm besides.
+    What stands on external axes moves by `external_mm` (S,) mm besides.
     """
     pairs, around, middle = scene.pairs, scene.around_mm, standing.middle
     for k in range(many):
         i = asked[k]
         s, t = pairs[i, 0], pairs[i, 1]
-        apart = least[i] + need[by[i]] + beside[s] + beside[t]
+        apart = least[i] + need[by[i]] + external_mm[s] + external_mm[t]
         far = apart + 1e-6
         reach = far + around[s] + around[t]
         x, y, z = middle[s, 0] - middle[t, 0], middle[s, 1] - middle[t, 1], middle[s, 2] - middle[t, 2]
@@ -193,26 +193,26 @@ def _proven(
 
 
 @kernel(error_model="numpy")
-def _beside(
-    motion: AnyArray, scene: BoundingVolumes, middle: AnyArray, reach: AnyArray, slack: float, beside: AnyArray
+def _external_motion(
+    motion: AnyArray, scene: BoundingVolumes, middle: AnyArray, reach: AnyArray, slack: float, external_mm: AnyArray
 ) -> None:
     """What each volume (S,) on external axes moves by within their reaches, at most, mm, times `slack`."""
     e = len(scene.slides)
     for s in range(len(scene.link)):
-        beside[s] = 0.0
+        external_mm[s] = 0.0
         for k in range(e):
             carrier = 6 + e - k
             if scene.link[s] < 7 or scene.link[s] > carrier:
                 continue
             if scene.slides[k]:
-                beside[s] += reach[6 + k] / DEG * slack
+                external_mm[s] += reach[6 + k] / DEG * slack
                 continue
             x = middle[s, 0] - motion[carrier, 0, 3]
             y = middle[s, 1] - motion[carrier, 1, 3]
             z = middle[s, 2] - motion[carrier, 2, 3]
             u, v, w = motion[carrier, 0, 2], motion[carrier, 1, 2], motion[carrier, 2, 2]
             cx, cy, cz = v * z - w * y, w * x - u * z, u * y - v * x
-            beside[s] += reach[6 + k] * (np.sqrt(cx * cx + cy * cy + cz * cz) + scene.around_mm[s]) * slack
+            external_mm[s] += reach[6 + k] * (np.sqrt(cx * cx + cy * cy + cz * cz) + scene.around_mm[s]) * slack
 
 
 @kernel(error_model="numpy")

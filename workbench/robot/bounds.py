@@ -146,18 +146,18 @@ class CollisionScreen:
         arm = middles[:, None, :, :] - points[:, :, None, :]  # (n, 6, S, 3)
         radius = np.linalg.norm(np.cross(axes[:, :, None, :], arm), axis=-1) + self.volumes.around_mm
         way = np.einsum("nip,pi,ni->np", radius[:, :, self.outer], self.joints.astype(float), reach[:, :6])
-        beside, link = np.zeros_like(middles[..., 0]), self.volumes.link
+        external_mm, link = np.zeros_like(middles[..., 0]), self.volumes.link
         slack = 1 - reach.sum(axis=1, keepdims=True)
         for k, (axis, pose) in enumerate(zip(self.cell.axes[::-1], standing_poses(self.cell, turntable), strict=False)):
             by = reach[:, -1 - k, None]
             if axis.slides:
-                lever = np.full_like(beside, 1 / DEG)
+                lever = np.full_like(external_mm, 1 / DEG)
                 slack += by  # what slides changes no lever
             else:
                 arm = middles - pose[:, None, :3, 3]
                 lever = np.linalg.norm(np.cross(arm, pose[:, None, :3, 2]), axis=-1) + self.volumes.around_mm
-            beside += np.where((link >= ON_TURNTABLE) & (link <= ON_TURNTABLE + k), lever * by, 0.0)
-        way += beside[:, self.volumes.pairs].sum(axis=2)
+            external_mm += np.where((link >= ON_TURNTABLE) & (link <= ON_TURNTABLE + k), lever * by, 0.0)
+        way += external_mm[:, self.volumes.pairs].sum(axis=2)
         return np.asarray(np.where(slack > 0, way / np.maximum(slack, 1e-9), np.inf))
 
     def swept(self, joints: Shaped[Float, "c s 6"], table: Shaped[Float, "c s ..."]) -> Bool:
@@ -170,8 +170,8 @@ class CollisionScreen:
             joints: (c, s, 6) rad, s places one after the other, so near that a parabola through three tells the way.
             table: (c, s) rad, likewise.
         """
-        beside = table if table.ndim > 2 else table[..., None]
-        ways = np.ascontiguousarray(np.concatenate([joints, beside], axis=2), float)
+        externals = table if table.ndim > 2 else table[..., None]
+        ways = np.ascontiguousarray(np.concatenate([joints, externals], axis=2), float)
         bodies, least = self.volumes, self.least_mm
 
         def some(first: int, last: int) -> Bool:

@@ -324,7 +324,7 @@ def _shape(part: ShapePart, body: str, link: int, parent: Float, where: str, pat
 
 
 def _with_track(part: CellPart, path: Path) -> tuple[CellPart, frozenset[str]]:
-    """The cell with what the URDF tells of the track, and the names of the links that do not go along."""
+    """The cell with what the URDF states of the track, and the names of the links that do not go along."""
     track, robot = part.track, part.robot
     if track is None or track.joint is None:
         return part, frozenset()
@@ -333,8 +333,8 @@ def _with_track(part: CellPart, path: Path) -> tuple[CellPart, frozenset[str]]:
     direction, limits, speed, before = track_joint(
         path.parent / robot.urdf, track.joint, robot.base_frame, _packages(robot, path), robot.arguments
     )
-    told = {"direction": tuple(direction), "limits_mm": tuple(limits), "speed_mm_s": speed}
-    open_ = {name: value for name, value in told.items() if getattr(track, name) is None}
+    declared = {"direction": tuple(direction), "limits_mm": tuple(limits), "speed_mm_s": speed}
+    open_ = {name: value for name, value in declared.items() if getattr(track, name) is None}
     return part.model_copy(update={"track": track.model_copy(update=open_)}), before
 
 

@@ -295,8 +295,8 @@ def _standing(
     if (poses := _between(inner, outer, axes, chain, least is not None)) is None:
         return None, False
     here, there = poses
-    body, beside = fcl.CollisionObject(body_of(outer)), fcl.CollisionObject(body_of(inner))
-    gaps = (_signed(_put_at(body, b), _put_at(beside, a)) for a, b in zip(here, there, strict=True))
+    body, other_body = fcl.CollisionObject(body_of(outer)), fcl.CollisionObject(body_of(inner))
+    gaps = (_signed(_put_at(body, b), _put_at(other_body, a)) for a, b in zip(here, there, strict=True))
     if _round(outer, inverse(here) @ there) or _round(inner, inverse(there) @ here):
         return next(gaps), True
     near = list(itertools.takewhile(lambda gap: gap <= 0 or least is None or gap < least, gaps))

@@ -124,8 +124,8 @@ def edges(triangles_mm: Float) -> list[AnyArray]:
     which = which.reshape(-1, 3)
     ends = np.sort(np.concatenate([which[:, [0, 1]], which[:, [1, 2]], which[:, [2, 0]]]), axis=1)
     pairs, of, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
-    beside = np.zeros((len(pairs), 3))
-    np.add.at(beside, of.reshape(-1), np.tile(normal, (3, 1)))
-    bend = (beside**2).sum(axis=1) / 2 - 1  # of two unit normals their sum's square: 2 + 2 cos
+    normal_sum = np.zeros((len(pairs), 3))
+    np.add.at(normal_sum, of.reshape(-1), np.tile(normal, (3, 1)))
+    bend = (normal_sum**2).sum(axis=1) / 2 - 1  # of two unit normals their sum's square: 2 + 2 cos
     drawn = (count != 2) | (bend < CREASE)
     return list(corners[pairs[drawn]] * ROUND_MM)

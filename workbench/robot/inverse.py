@@ -233,8 +233,8 @@ def _resultants(chain: Chain, wrist: OffsetWrist, direction: Float, at: Float) -
         cosine, sine = (a * c - b * rest) / square, (b * c + a * rest) / square
 
         def back(vectors: Float) -> AnyArray:
-            turned = np.outer((1 - cosine) * (vectors @ h[0]), h[0])
-            return np.asarray(vectors * cosine[:, None] - np.cross(h[0], vectors) * sine[:, None] + turned)
+            along_axis = np.outer((1 - cosine) * (vectors @ h[0]), h[0])
+            return np.asarray(vectors * cosine[:, None] - np.cross(h[0], vectors) * sine[:, None] + along_axis)
 
         wanted, axis_5 = back(arm) + o[0] - o[1], back(direction)
         p, q, f, g = (

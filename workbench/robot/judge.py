@@ -22,7 +22,7 @@ from workbench.robot.collision import CollisionModel, left_out, sliding, standin
 from workbench.robot.controller import frame_faults
 from workbench.robot.kinematics import forward_kinematics, motions
 from workbench.robot.process import disorders, placed
-from workbench.robot.surface import Driven, Planned, beside_mm, deviations
+from workbench.robot.surface import Driven, Planned, deviations, lateral_mm
 from workbench.robot.way import (
     CORNER,
     JOINTS,
@@ -40,9 +40,9 @@ from workbench.robot.way import (
 from workbench.units import Bool, Float, Int
 
 ROUNDS = 16  # of halving: 5 mm to 0.1 um, beyond any margin
-LEAST_REACH = 1e-5  # rad, and the same share of a whole: what is still open then is told as a violation
+LEAST_REACH = 1e-5  # rad, and the same share of a whole: what is still open then is reported as a violation
 MOST_REACH = 0.25  # rad, of all joints together in a stretch that can be proven at once
-MOST_TOLD = 40
+MOST_VIOLATIONS = 40
 TIGHT = 0.1 * np.pi / 180  # rad: how near the stated distance from limits is to the true one
 ON_BOUNDARY = 0.02 * np.pi / 180  # rad: what the digits of a program may turn a joint by
 Configuration = Callable[[Float, Cell], tuple[int, ...] | None]
@@ -391,7 +391,7 @@ def _judgement(
     ramp_s = cell.controller.acceleration_s if cell.controller else None  # half of it is lost before, half behind
     return Judgement(
         program=program,
-        violations=tuple(_told(faults)),
+        violations=tuple(_first_of_each(faults)),
         unchecked=tuple(unchecked),
         length_mm=float(arc[-1]),
         time_s=float(way.duration_s.sum()) + stops * (ramp_s or 0.0),
@@ -487,8 +487,8 @@ def _configurations(
             within = within[np.isfinite(within).all(axis=1)]
         steps = (within[:, None] + ON_BOUNDARY * np.array([[0.0], [-1.0], [1.0]])).reshape(-1, 6)
         near = [configuration(joints, cell) for joints in steps]
-        either = zip(move.configuration, zip(*(one for one in near if one is not None), strict=True), strict=True)
-        if not all(said in found for said, found in either):  # an angle on the boundary of two counts as both
+        pairs = zip(move.configuration, zip(*(one for one in near if one is not None), strict=True), strict=True)
+        if not all(said in found for said, found in pairs):  # an angle on the boundary of two counts as both
             said = f"the program says configuration {list(move.configuration)}, the robot has {list(there)}"
             yield Violation(move.line, at(int(places.segment[i]), float(places.share[i])), "configuration", said)
 
@@ -508,7 +508,7 @@ def _unprobed(cell: Cell, program: ProgramMoves, planned: Planned | None) -> Ite
     table = program.moves[stops[0] - 1].turntable
     if table is not None:
         tool = turntable_pose(cell, planned.turntable) @ inverse(turntable_pose(cell, table)) @ tool
-    off = beside_mm(planned.toolpath, tool, probe.distance_mm)
+    off = lateral_mm(planned.toolpath, tool, probe.distance_mm)
     if off > planned.tolerance_mm:
         yield stops[0] - 1, f"the program stops {off:.2f} mm beside the point that the operator is asked for"
 
@@ -544,9 +544,9 @@ def _speeds(cell: Cell, way: Way, places: Places, arc: Float) -> tuple[list[Viol
     return faults, float(speed.max(initial=0.0))
 
 
-def _told(faults: list[Violation]) -> Iterator[Violation]:
+def _first_of_each(faults: list[Violation]) -> Iterator[Violation]:
     """One of each kind and line, in the order of the way, not more than can be read."""
     kept: dict[tuple[int, str], Violation] = {}
     for fault in sorted(faults, key=lambda fault: fault.arc_length_mm):
         kept.setdefault((fault.line, fault.kind), fault)
-    yield from list(kept.values())[:MOST_TOLD]
+    yield from list(kept.values())[:MOST_VIOLATIONS]

@@ -23,8 +23,8 @@ SAME_PLACE = 0.001 * DEG  # joint angles that are home's: what the digits of a p
 
 def not_seen(cell: Cell, process: ProcessPart, dialect: str) -> Iterator[str]:
     """What nobody can look at although the process is stated: stands in the program's head."""
-    beside = "stands" if turns_freely(cell, process.home) else "and its external axes stand"
-    yield f"the way from where the robot {beside} to home"
+    standstill = "stands" if turns_freely(cell, process.home) else "and its external axes stand"
+    yield f"the way from where the robot {standstill} to home"
     if cell.without_contact.may_touch != cell.may_touch:
         yield "the cutter against the plate between the path's ends and the points of approach and retract"
     if process.home.controller_name:

@@ -35,10 +35,10 @@ def refusal(
     for moves in _ways_home(cell, joints, table, feed_mm_s, cuts):
         if moves is None:
             return "unreachable", None
-        told = judge(dataclasses.replace(cell, process=None), _program(cell, moves))
-        if told.violations:
-            kind = told.violations[0].kind
-            return kind, told.clearance_pair if kind == "collision" else None
+        judgement = judge(dataclasses.replace(cell, process=None), _program(cell, moves))
+        if judgement.violations:
+            kind = judgement.violations[0].kind
+            return kind, judgement.clearance_pair if kind == "collision" else None
     return follows(cell, _program(cell, [_by_joints(*place) for place in zip(joints, table, strict=True)]))
 
 
@@ -49,8 +49,8 @@ def _ways_home(
     process = cell.process
     if process is None:
         return
-    turned = turntable_at_home(process.home, table[0] / DEG) * DEG
-    home = _by_joints(np.array(process.home.joints_deg) * DEG, turned)
+    at_home = turntable_at_home(process.home, table[0] / DEG) * DEG
+    home = _by_joints(np.array(process.home.joints_deg) * DEG, at_home)
     begin = [] if process.probe is None else [(drawn_back(cell, joints[cuts], process.probe.distance_mm), table[cuts])]
     begin.append((drawn_back(cell, joints[0], process.approach_mm), table[0]))
     there = [_by_joints(off, angle) for off, angle in begin if off is not None]

@@ -88,7 +88,7 @@ def deviations(
     return made
 
 
-def beside_mm(path: Toolpath, tool: Shaped[Float, "4 4"], back_mm: float) -> float:
+def lateral_mm(path: Toolpath, tool: Shaped[Float, "4 4"], back_mm: float) -> float:
     """How far a tool frame, drawn back along its axis by `back_mm`, stands beside where its path's first layer cuts."""
     layer = next(part for part in path.layers if part.cutting.any())
     position, quaternion = layer.position_mm[layer.cutting], layer.quaternion_wxyz[layer.cutting]
@@ -130,11 +130,11 @@ def _parts(path: Toolpath) -> Iterator[tuple[str, Float, Float, Float]]:
         feed = np.concatenate([_ends(one, j, part)[2] for j, one in enumerate(row)])
         if chords_mm(position).sum() <= NO_LENGTH_MM:
             continue
-        name = f"layer {part.index}" if isinstance(part, Layer) else f"the travel {_beside(parts, i)}"
+        name = f"layer {part.index}" if isinstance(part, Layer) else f"the travel {_neighbour(parts, i)}"
         yield name, *_densified(path, position, quaternion, feed)
 
 
-def _beside(parts: list[Layer | Travel], i: int) -> str:
+def _neighbour(parts: list[Layer | Travel], i: int) -> str:
     """Which layer a travel follows, or leads to."""
     before = [part.index for part in parts[:i] if isinstance(part, Layer)]
     return f"behind layer {before[-1]}" if before else "before the first layer"
@@ -202,11 +202,11 @@ def _densified(path: Toolpath, position: Float, quaternion: Float, feed: Float) 
     at = np.concatenate([*(i + np.arange(c) / c for i, c in enumerate(count.tolist())), [len(position) - 1]])
     poses = interpolate_poses(at, np.arange(len(position), dtype=float), position, quaternion)
     axes, points = poses[:, :3, :3], poses[:, :3, 3] - path.cutter.diameter_mm / 2 * poses[:, :3, 0]
-    turned = np.eye(3) if path.base_from_workobject is None else path.base_from_workobject[:3, :3]
+    rotation = np.eye(3) if path.base_from_workobject is None else path.base_from_workobject[:3, :3]
     own, axis = (chords_mm(one) for one in (poses[:, :3, 3], points))
     towards = feed[np.floor(at[:-1]).astype(int) + 1]
     speed = np.where(own > NO_LENGTH_MM, towards * axis / np.maximum(own, NO_LENGTH_MM), np.inf)
-    return path.in_base(points), axes[:, :, 2] @ turned.T, speed
+    return path.in_base(points), axes[:, :, 2] @ rotation.T, speed
 
 
 def _nearest(points: Float, places: Float, chain: Float, along: Float) -> tuple[Float, Int, Float]:

@@ -209,8 +209,8 @@ def _check_kinds(document: ElementTree.Element, held: Mapping[str, float], flang
             )
         limit = joint.find("limit")
         if kind == "revolute" and not {"effort", "velocity"} <= set(() if limit is None else limit.keys()):
-            told = "expected <limit lower= upper= effort= velocity=>, in rad and rad/s: the robot's maker states them"
-            raise InputError(where, told)
+            limits = "expected <limit lower= upper= effort= velocity=>, in rad and rad/s: the robot's maker states them"
+            raise InputError(where, limits)
         if limit is not None and _numbers(limit.get("velocity", "0"), 1, where)[0] < 0:
             raise InputError(where, "expected a limit with a velocity above 0")
         if kind == "continuous":
@@ -276,12 +276,12 @@ def _parsed(
 
 def _expanded(path: Path, packages: Mapping[str, Path], arguments: Mapping[str, str]) -> bytes:
     """The URDF that xacro makes of a file, in a process that can do nothing else."""
-    told = {
+    request = {
         "packages": {name: str(folder.absolute()) for name, folder in packages.items()},
         "arguments": dict(arguments),
     }
     try:
-        with read_by(str(EXPAND), path, "robot.urdf", EXPANDED_S, json.dumps(told)) as (status, said, out):
+        with read_by(str(EXPAND), path, "robot.urdf", EXPANDED_S, json.dumps(request)) as (status, said, out):
             if not status:
                 return out.read_bytes()
     except subprocess.TimeoutExpired:

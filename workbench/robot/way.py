@@ -88,19 +88,19 @@ class Way:
         arc = kind == CIRCULAR
         if arc.any():
             s, centre = segment[arc], self.centre_mm[segment[arc]]
-            position[arc] = centre + _turned(a[arc] - centre, self.turn[s], f[arc])
+            position[arc] = centre + _rotated(a[arc] - centre, self.turn[s], f[arc])
         q0, qc, q1 = (self.quaternion[segment, i] for i in range(3))
         quaternion = slerp(q0, q1, f)
         tables = self.turntable[segment]
-        beside = (-1, *(1,) * (tables.ndim - 2))
-        table = tables[:, 0] + f.reshape(beside) * (tables[:, 2] - tables[:, 0])
+        shape = (-1, *(1,) * (tables.ndim - 2))
+        table = tables[:, 0] + f.reshape(shape) * (tables[:, 2] - tables[:, 0])
         bent = kind == CORNER
         if bent.any():
             v = f[bent][:, None]
             weights = (1 - v) ** 2, 2 * v * (1 - v), v**2
             position[bent] = weights[0] * a[bent] + weights[1] * corner[bent] + weights[2] * b[bent]
             quaternion[bent] = slerp(slerp(q0[bent], qc[bent], f[bent]), slerp(qc[bent], q1[bent], f[bent]), f[bent])
-            table[bent] = sum(w.reshape(beside) * tables[bent, i] for i, w in enumerate(weights))
+            table[bent] = sum(w.reshape(shape) * tables[bent, i] for i, w in enumerate(weights))
         return pose_from(rotation_from_quaternion(quaternion), position), table
 
     def joint_move(self, segment: Int, share: Float) -> Float:
@@ -109,7 +109,7 @@ class Way:
         return np.asarray(start + share[:, None] * (end - start))
 
 
-def _turned(arm: Float, turn: Float, share: Float) -> Float:
+def _rotated(arm: Float, turn: Float, share: Float) -> Float:
     """Vectors (n, 3) turned by a share of rotation vectors (n, 3)."""
     return np.asarray((rotation_from_vector(share[:, None] * turn) @ arm[..., None])[..., 0])
 
@@ -145,11 +145,11 @@ class _Leg:
         a, b = self.start[:3, 3], self.end[:3, 3]
         position = a + share * (b - a)
         if self.kind == CIRCULAR:
-            position = self.centre + _turned((a - self.centre)[None], self.turn[None], np.array([share]))[0]
+            position = self.centre + _rotated((a - self.centre)[None], self.turn[None], np.array([share]))[0]
         table = self.tables[0] + share * (self.tables[1] - self.tables[0])
-        return position, self._turned(share), table
+        return position, self._quaternion(share), table
 
-    def _turned(self, share: float) -> Float:
+    def _quaternion(self, share: float) -> Float:
         """Quaternion on the whole move."""
         q0, q1 = self._turns
         return q0 if share == 0.0 else q1 if share == 1.0 and q0 @ q1 >= 0 else slerp(q0, q1, np.array(share))
@@ -294,7 +294,7 @@ def _row(leg: _Leg, after: _Leg | None, rated: Float) -> tuple[object, ...]:
         length = sum(float(np.linalg.norm(places[i + 1][0] - places[i][0])) for i in (0, 1))
     joints = np.zeros((2, 6)) if leg.joints is None or after is not None else np.array(leg.joints)
     position, quaternion, table = (np.array(part) for part in zip(*places, strict=True))
-    turned = 2 * float(np.arccos(np.clip(abs(quaternion[0] @ quaternion[2]), 0, 1)))
+    rotation = 2 * float(np.arccos(np.clip(abs(quaternion[0] @ quaternion[2]), 0, 1)))
     feed = leg.move.feed_mm_s
     duration = length / feed if feed else 0.0
     if leg.seconds is not None:
@@ -303,7 +303,7 @@ def _row(leg: _Leg, after: _Leg | None, rated: Float) -> tuple[object, ...]:
         moved = np.abs(np.append(joints[1] - joints[0], table[2] - table[0]))
         duration = max(duration, float((np.nan_to_num(moved) / rated).max()) / leg.move.joint_speed)
     elif length < NO_LENGTH_MM:
-        duration = max(duration, turned / TURN_SPEED, float(np.abs(table[2] - table[0]).max()) / TURN_SPEED)
+        duration = max(duration, rotation / TURN_SPEED, float(np.abs(table[2] - table[0]).max()) / TURN_SPEED)
     return (
         kind,
         leg.move.line,

@@ -246,12 +246,12 @@ def parallel_position(h: AnyArray, o: AnyArray, centre: AnyArray, wanted: AnyArr
     upper, fore = upper - (upper @ h[1]) * h[1], fore - (fore @ h[1]) * h[1]
     for n in range(len(wanted)):
         w = wanted[n]
-        shoulder, aside = _on_circle(h[1], h[0], w - o[0], h[1] @ (centre - o[0]), -1.0)
+        shoulder, slack = _on_circle(h[1], h[0], w - o[0], h[1] @ (centre - o[0]), -1.0)
         for a in range(2):
             u = rotation_about(h[0], shoulder[a]).T @ (w - o[0]) + o[0] - o[1]
             u = u - (u @ h[1]) * h[1]
             elbow, bent = _on_circle(upper, h[2], fore, (u @ u - upper @ upper - fore @ fore) / 2, 1.0)
-            if min(aside, bent) < -beyond:
+            if min(slack, bent) < -beyond:
                 continue
             for b in range(2):
                 row = out[n, 2 * a + b]

@@ -21,7 +21,7 @@ from workbench.plugins.calibration.arm_errors import ArmErrors, arm_errors
 from workbench.plugins.calibration.model import Estimate, Noise
 from workbench.plugins.calibration.observations import from_arrays
 from workbench.plugins.calibration.robot_stage import together
-from workbench.plugins.calibration.tracker_stage import Seen, Tracking
+from workbench.plugins.calibration.tracker_stage import Readings, Tracking
 
 CELL = ROOT / "data" / "robot" / "cell.json"
 CENTER, RADIUS_MM = np.array([1890.33, 241.48, 1079.72]), 5.0
@@ -117,7 +117,7 @@ def one_tracked(seed: int, tilt: float = 0.0) -> tuple[Float, Float, Float]:
     each = np.repeat(joints, 3, axis=0)
     target = np.tile(np.arange(3), len(joints))
     lines = tuple(range(len(each)))
-    seen = Seen(flange(arm, 0 * arm.x, each), each, target, places.reshape(-1, 3), ("a", "b", "c"), lines)
+    seen = Readings(flange(arm, 0 * arm.x, each), each, target, places.reshape(-1, 3), ("a", "b", "c"), lines)
     tracking = Tracking(seen, arm.chain, arm.errors, (TRACKER_MM, POSE_MM, POSE))
     found = estimator.fit(tracking, tracking.begun())
 

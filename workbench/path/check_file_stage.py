@@ -51,11 +51,11 @@ def check_file(
         'path checked: 5 layers, 855 points'
     """
     claim = toolpath.claim
-    told = [f"its file says: {claim.reason}"] if claim and not claim.passed else []
+    claims = [f"its file says: {claim.reason}"] if claim and not claim.passed else []
     loosened = (*(claim.loosened if claim else (PLACE_UNSAID,)), *weakened(penetration_mm))
     return decision(
         toolpath,
-        chain(told, _own_faults(toolpath, penetration_mm)),
+        chain(claims, _own_faults(toolpath, penetration_mm)),
         penetration_mm,
         loosened,
         claim.unchecked if claim else (ALONE,),
@@ -64,9 +64,9 @@ def check_file(
 
 def _own_faults(toolpath: Toolpath, penetration_mm: float) -> Iterator[str]:
     """What the path says against itself."""
-    told = [*insane(toolpath), *cutter_faults(toolpath)]
-    yield from told
-    if told:
+    faults = [*insane(toolpath), *cutter_faults(toolpath)]
+    yield from faults
+    if faults:
         return
     heights = [layer.height_mm for layer in toolpath.layers]
     if (np.diff(heights) >= 0).any() or abs(heights[-1]) > HEIGHT_MM:

@@ -47,7 +47,7 @@ from workbench.stage import AtLeast, stage
 from workbench.synthetic.workpiece import Workpiece
 from workbench.units import DEG, Bool, Float
 
-MOST_TOLD = 3  # faults that the reason names
+MOST_FAULTS = 3  # faults that the reason names
 MOST_DEFLECTION_MM = 1.0  # what a path may allow for: unloaded, the cutter is that much deeper
 PENETRATION_MM = 0.05  # the rule: more than this loosens the check
 ANGLE_DEG = 0.02  # between a frame's axis and where it must point
@@ -143,13 +143,13 @@ def decision(
     unchecked: tuple[str, ...] = (),
 ) -> PathGate:
     """The gate: passed where there is no fault."""
-    told = list(_first(iter(faults)))
+    named = list(_first(iter(faults)))
     points = sum(len(layer.arc_length_mm) for layer in toolpath.layers)
     reason = f"path checked: {len(toolpath.layers)} layers, {points} points"
-    if told:
-        more = "; and more" if len(told) > MOST_TOLD else ""
-        reason = f"path refused: {'; '.join(told[:MOST_TOLD])}{more}"
-    return PathGate(not told, reason, loosened, unchecked, toolpath=toolpath, tolerance_mm=tolerance_mm)
+    if named:
+        more = "; and more" if len(named) > MOST_FAULTS else ""
+        reason = f"path refused: {'; '.join(named[:MOST_FAULTS])}{more}"
+    return PathGate(not named, reason, loosened, unchecked, toolpath=toolpath, tolerance_mm=tolerance_mm)
 
 
 def weakened(penetration_mm: float) -> tuple[str, ...]:
@@ -179,15 +179,15 @@ UNSHOWN = ("would not show", "in no value", "does not show", "nothing tells")
 
 def unseen_checks(toolpath: Toolpath) -> tuple[str, ...]:
     """What the recording behind the path could not show: it may move the whole path."""
-    told = [check.finding for check in toolpath.evidence if check.name in SHOWING]
-    return tuple(finding for finding in told if any(words in finding for words in UNSHOWN))
+    findings = [check.finding for check in toolpath.evidence if check.name in SHOWING]
+    return tuple(finding for finding in findings if any(words in finding for words in UNSHOWN))
 
 
 def _first(faults: Iterator[str]) -> Iterator[str]:
     """As many faults as are told, and one more; the costly checks come last and wait for the others."""
     for count, fault in enumerate(faults):
         yield fault
-        if count == MOST_TOLD:
+        if count == MOST_FAULTS:
             return
 
 
@@ -218,9 +218,9 @@ def feed_faults(toolpath: Toolpath, v_fast_mm_s: float | None, acceleration_mm_s
 
 def frame_faults(toolpath: Toolpath, edge: Edge) -> Iterator[str]:
     """What is wrong with the frames, in words."""
-    told = list(insane(toolpath))
-    yield from told
-    if told:
+    unsound = list(insane(toolpath))
+    yield from unsound
+    if unsound:
         return
     for layer in toolpath.layers:
         yield from _directions(toolpath, layer, edge)
@@ -331,9 +331,9 @@ def cutter_faults(toolpath: Toolpath) -> Iterator[str]:
         yield f"the cutter has no ball end of the fillet's radius, {radius:g} mm"
 
 
-def _faults(layer: Layer, *told: tuple[Bool, str]) -> Iterator[str]:
+def _faults(layer: Layer, *rules: tuple[Bool, str]) -> Iterator[str]:
     """One line for the points that are wrong in some way, with the place of the first."""
-    for wrong, words in told:
+    for wrong, words in rules:
         if wrong.any():
             yield f"layer {layer.index} {words} at arc length {layer.arc_length_mm[np.flatnonzero(wrong)[0]]:.1f} mm"
 

@@ -27,7 +27,7 @@ from workbench.errors import InputError
 from workbench.geometry.moves import interpolated, within
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.path.batch import Together, known_batch, together, with_part
-from workbench.path.course import LEAST_DEPTH_MM, Poses, components, poses_of, turned_about_feed
+from workbench.path.course import LEAST_DEPTH_MM, Poses, components, poses_of, rotated_about_feed
 from workbench.path.displacement import Estimate, Prior, estimate
 from workbench.path.plan import KEY_POINT_MM, cut_stretches
 from workbench.stage import InputFile, stage
@@ -67,7 +67,7 @@ class SharedU(NamedTuple):
     shared: float
 
 
-class Seen(NamedTuple):
+class Displacement(NamedTuple):
     """What n places of a cut show of one displacement, and what may be known of it."""
 
     values: Shaped[Float, " n"]
@@ -133,25 +133,25 @@ def correct(
     frames, frames_at = poses_of(toolpath, final), poses_of(finishing, finish)
 
     sine = math.sin(bevel)
-    moved, aside = (float(one) for one in np.median(cut.moved_mm, axis=0))
+    moved, lateral = (float(one) for one in np.median(cut.moved_mm, axis=0))
     # Both scans see the same lower edge: by how much their views of it may differ, its place in both tells.
-    edge_u = min(math.sqrt(2.0) * cut.edge_u_mm, math.hypot(aside, math.sqrt(2.0) * repeatability_mm))
+    edge_u = min(math.sqrt(2.0) * cut.edge_u_mm, math.hypot(lateral, math.sqrt(2.0) * repeatability_mm))
     root_u = SharedU(cut.root_u.local * sine, math.hypot(math.hypot(cut.root_u.shared, edge_u) * sine, moved / ROOT_3))
 
     lies, angle_off, tilts = (cut.root_mm - toolpath.root_mm) * sine, cut.angle - bevel, repeatability_deg * DEG
     length, s = repeatability_length_mm, cut.arc_length_mm
     seen = (
-        Seen(lies, root_u, -frames.x, -frames_at.x, Prior(LARGEST_MM, VARYING_MM, repeatability_mm, length)),
-        Seen(angle_off, cut.angle_u, frames.y, frames_at.y, Prior(LARGEST, VARYING, tilts, length)),
+        Displacement(lies, root_u, -frames.x, -frames_at.x, Prior(LARGEST_MM, VARYING_MM, repeatability_mm, length)),
+        Displacement(angle_off, cut.angle_u, frames.y, frames_at.y, Prior(LARGEST, VARYING, tilts, length)),
     )
     before = None if earlier is None else known_batch(earlier, toolpath)
     both = [Together(one.values) for one in seen]
     if before is not None:
         there = before.on(s)
-        told = ((there.shift_mm, before.shift_scatter_mm), (there.turn, before.turn_scatter))
+        repeats = ((there.shift_mm, before.shift_scatter_mm), (there.turn, before.turn_scatter))
         both = [
             together(one.values, one.u.local, one.prior, before.parts, *what)
-            for one, what in zip(seen, told, strict=True)
+            for one, what in zip(seen, repeats, strict=True)
         ]
     others = "" if before is None or not any(one.doubt for one in both) else OTHERS.format(before.parts)
     if others:
@@ -379,7 +379,7 @@ def _corrected(finishing: Toolpath, frames: Poses, by_mm: Float, tilt: Float) ->
         lever = ((poses_of(finishing, layer).origin_mm - foot) * up).sum(axis=1)
         moved = (by_mm - tilt * lever)[:, None] * b  # a larger angle sinks the face with the way up
         moved = moved if finishing.base_from_workobject is None else moved @ finishing.base_from_workobject[:3, :3]
-        quaternion = turned_about_feed(layer.quaternion_wxyz, -tilt)
+        quaternion = rotated_about_feed(layer.quaternion_wxyz, -tilt)
         layers.append(replace(layer, position_mm=layer.position_mm + moved, quaternion_wxyz=quaternion))
         back[layer.index] = (np.swapaxes(rotation_from_quaternion(quaternion), 1, 2) @ -moved[:, :, None])[:, :, 0]
     comes = PathDeflection(back, {layer.index: tilt for layer in layers})
@@ -426,10 +426,10 @@ def _checks(
     cut: Cut, found: PathCorrection, shift: Estimate, finish: Layer, most_moved_mm: float, depth_of_cut_mm: float
 ) -> tuple[Check, ...]:
     """What must hold for a correction: the part lies where it lay, enough was measured, the allowance suffices."""
-    aside = np.abs(cut.moved_mm[:, 0])
-    typical, worst = float(np.median(aside)), int(np.argmax(aside))
+    lateral = np.abs(cut.moved_mm[:, 0])
+    typical, worst = float(np.median(lateral)), int(np.argmax(lateral))
     moved = (
-        f"the lower edge lies {typical:.2f} mm beside where the first scan saw it, {aside[worst]:.2f} mm "
+        f"the lower edge lies {typical:.2f} mm beside where the first scan saw it, {lateral[worst]:.2f} mm "
         f"at arc length {cut.arc_length_mm[worst]:.1f} mm: has the part moved, or is this another one?"
     )
     share = float(within(finish.arc_length_mm[finish.cutting], cut.arc_length_mm, 2.0 * KEY_POINT_MM).mean())

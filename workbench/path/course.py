@@ -102,11 +102,11 @@ def greatest_mm(predicted: PathDeflection) -> float:
 def _displaced(layer: Layer, predicted: PathDeflection) -> Layer:
     away = (rotation_from_quaternion(layer.quaternion_wxyz) @ predicted.at(layer)[:, :, None])[:, :, 0]
     turn = predicted.turn_by_layer.get(layer.index)
-    quaternion = layer.quaternion_wxyz if turn is None else turned_about_feed(layer.quaternion_wxyz, turn)
+    quaternion = layer.quaternion_wxyz if turn is None else rotated_about_feed(layer.quaternion_wxyz, turn)
     return replace(layer, position_mm=layer.position_mm + away, quaternion_wxyz=quaternion)
 
 
-def turned_about_feed(quaternion_wxyz: Float, angle: Float) -> Float:
+def rotated_about_feed(quaternion_wxyz: Float, angle: Float) -> Float:
     """Tool frames (k, 4) turned by angles (k,) rad about their own y."""
     turn = rotation_from_vector(np.asarray(angle)[:, None] * np.array([0.0, 1.0, 0.0]))
     return same_sign(quaternion_from_rotation(rotation_from_quaternion(quaternion_wxyz) @ turn))
@@ -238,8 +238,8 @@ def _upper(edge: RawEdge, smoothing_mm: float) -> tuple[Float, Float]:
     pairs = np.hstack([components(v, edge.normal, edge.across) for v in (off, edge.upper_inward)]).T
     good = edge.seen & np.isfinite(pairs).all(axis=0)
     if good.sum() < LEAST_STATIONS:
-        told = f"seen at {good.sum()} of {good.size} stations" if good.any() else "seen nowhere"
-        raise InputError("edge", f"the stock's upper edge was {told}: its thickness is not known")
+        view = f"seen at {good.sum()} of {good.size} stations" if good.any() else "seen nowhere"
+        raise InputError("edge", f"the stock's upper edge was {view}: its thickness is not known")
     s = edge.arc_length_mm
     smooth = [_smoothed(s[good], pair[good], s, smoothing_mm) for pair in pairs]
     return np.stack(smooth[:2], axis=1), unit(np.stack(smooth[2:], axis=1))

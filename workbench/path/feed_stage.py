@@ -142,11 +142,11 @@ def _around_fillet(toolpath: Toolpath, poses: Poses) -> list[Float]:
     radius, whole = toolpath.root_radius_mm, math.pi / 2.0 - toolpath.bevel_deg * DEG
     centre = poses.origin_mm + toolpath.cutter.cylinder_end_mm * poses.z - radius * poses.x
     each = whole / TANGENTS
-    turned = [0.0, *(each * (np.arange(TANGENTS) + 0.5)), whole]
+    angles = [0.0, *(each * (np.arange(TANGENTS) + 0.5)), whole]
     reach = [radius, *[radius / math.cos(each / 2.0)] * TANGENTS, radius]
     return [
         np.asarray(centre + r * (math.cos(a) * poses.x + math.sin(a) * poses.z))
-        for a, r in zip(turned, reach, strict=True)
+        for a, r in zip(angles, reach, strict=True)
     ]
 
 

@@ -140,8 +140,8 @@ def layers(
         at = course.seen & (points >= 0.0) & (points <= length)
         refuse_requirement(course, at, to)
         if to.fillet_mm:
-            beside = "finish_allowance_mm" if finish_allowance_mm else ""
-            refuse_fillet(course, at, to, cutter_diameter_mm, beside if upper is None else "upper_bevel_deg")
+            conflict = "finish_allowance_mm" if finish_allowance_mm else ""
+            refuse_fillet(course, at, to, cutter_diameter_mm, conflict if upper is None else "upper_bevel_deg")
         refuse_allowance(course, at, to, finish_allowance_mm, depth_of_cut_mm)
         widest = to.width_mm(course, 0.0)[at].max() + to.fillet_mm
         flute_mm = flute_length_mm or float(math.ceil(widest + 2.0 * FLUTE_SPARE_MM))
@@ -237,8 +237,8 @@ def chain_u(tool: Path | None, turntable: Path | None, robot: Path | None, robot
     """
     parts = {}
     if tool is not None:
-        told = ToolFile.read(tool)
-        parts["tool"] = told.points[0].u_mm, UNKNOWN_AXIS_DEG if told.axis is None else told.axis.u_deg
+        declared = ToolFile.read(tool)
+        parts["tool"] = declared.points[0].u_mm, UNKNOWN_AXIS_DEG if declared.axis is None else declared.axis.u_deg
     if turntable is not None:
         table = TurntableFile.read(turntable)
         parts["turntable"] = table.u_mm, table.direction_u_deg

@@ -24,7 +24,7 @@ BURR_MM = 3.0  # what stands out of the stock by less is its own: burrs, roughne
 CLAMP_MM = 0.5  # over a hidden stretch, where a clamp may lie close
 IN_THE_WAY = "clamp or other material in the way"
 LEAST_CUT_MM = 2.0  # for less the cutter does not come down
-BESIDE_MM = 5.0  # points of a clamp lie up to this far from the stretch that it hides
+NEAR_MM = 5.0  # points of a clamp lie up to this far from the stretch that it hides
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,8 +55,8 @@ def scan_of(cloud: Cloud, edge: Edge, sections: SectionTable) -> Scan:
 
 def foreign(scan: Scan, cloud: Cloud, edge: Edge) -> Bool:
     """Which kept points (N, M) of no face stand out of the stock: clamps, the table, streaks."""
-    beside = within(edge.arc_length_mm, edge.arc_length_mm[~edge.seen], BESIDE_MM)
-    tolerance = np.where(beside, CLAMP_MM, BURR_MM)
+    hidden = within(edge.arc_length_mm, edge.arc_length_mm[~edge.seen], NEAR_MM)
+    tolerance = np.where(hidden, CLAMP_MM, BURR_MM)
     tolerance[[0, -1]] = BURR_MM  # beyond the ends of the edge
     usable = cloud.keep & ~((edge.labels >= ROOT_FACE) & (edge.labels != UNLABELLED))
     return standing_out(scan, usable, tolerance)

@@ -149,8 +149,8 @@ def _costs(toolpath: Toolpath, cloud: Cloud) -> Iterator[str]:
     points = toolpath.in_base(np.concatenate([layer.position_mm for layer in toolpath.layers]))
     if cloud.flange_from_profiler is None:
         lever = np.abs(points).mean(axis=0)
-        turned = _turned(points)
-        yield f"the cloud's frame: turned by 1 deg about the base's x, y, z it moves the path by {turned} mm"
+        per_degree = _mm_a_degree(points)
+        yield f"the cloud's frame: turned by 1 deg about the base's x, y, z it moves the path by {per_degree} mm"
         mirrored = ", ".join(f"{2 * value:.0f}" for value in lever)
         yield f"the cloud's handedness: mirrored in x, y, z it moves the path by {mirrored} mm"
         size = float(np.linalg.norm(np.ptp(points, axis=0)))
@@ -160,11 +160,11 @@ def _costs(toolpath: Toolpath, cloud: Cloud) -> Iterator[str]:
     flange = cloud.base_from_profiler[frames] @ inverse(cloud.flange_from_profiler)
     nearest = np.linalg.norm(points[None] - flange[:, None, :3, 3], axis=2).argmin(axis=1)
     arms = np.einsum("nji,nj->ni", flange[:, :3, :3], points[nearest] - flange[:, :3, 3])
-    yield f"the hand-eye pose: turned by 1 deg about the flange's x, y, z it moves the path by {_turned(arms)} mm"
+    yield f"the hand-eye pose: turned by 1 deg about the flange's x, y, z it moves the path by {_mm_a_degree(arms)} mm"
     yield "the hand-eye pose and the robot's positions: 1 mm beside is 1 mm of the path"
 
 
-def _turned(arms: Float) -> str:
+def _mm_a_degree(arms: Float) -> str:
     """What 1 deg about x, y, z moves the ends of arms (n, 3) by, on the whole, mm."""
     away = [np.sqrt((np.delete(arms, axis, axis=1) ** 2).sum(axis=1).mean()) for axis in range(3)]
     return ", ".join(f"{DEG * far:.1f}" for far in away)

@@ -43,7 +43,7 @@ class Air(NamedTuple):
     """How the cutter passes above what it does not cut, mm."""
 
     over_mm: float  # clearance above stock and clamps
-    beside_mm: float  # clearance beside a clamp
+    lateral_mm: float  # clearance beside a clamp
     ramp_mm: float  # edge along which it rises
     lead_mm: float  # length of lead-in and lead-out
 
@@ -200,13 +200,13 @@ def known_well(
             + ("" if chain is None else f"; with {' and '.join(chain.rests_on)} known to {place_mm:.2g} mm and ")
             + ("" if chain is None else f"{turn / DEG:.2g} deg (u)"),
         )
-    told = tuple(
+    notes = tuple(
         f"arc length {a:.0f} to {b:.0f} mm: not cut, the scan does not determine the edge well enough: "
         f"to {np.max(root_mm[on]):.2g} mm of root and {np.max(angle_deg[on]):.2g} deg of bevel (1.645 u)"
         for a, b in cut_stretches(edge.arc_length_mm, edge.seen & ~known)
         for on in [(edge.arc_length_mm >= a - 1e-6) & (edge.arc_length_mm <= b + 1e-6) & edge.seen & ~known]
     )
-    return replace(edge, seen=known, warnings=edge.warnings + told)
+    return replace(edge, seen=known, warnings=edge.warnings + notes)
 
 
 def refuse_requirement(course: Course, at: Bool, bevel: Bevel) -> None:
@@ -230,13 +230,15 @@ def refuse_requirement(course: Course, at: Bool, bevel: Bevel) -> None:
         raise InputError("edge", "nothing to cut: no stock stands above the finished bevel")
 
 
-def refuse_fillet(course: Course, at: Bool, bevel: Bevel, cutter_mm: float, beside: str) -> None:
+def refuse_fillet(course: Course, at: Bool, bevel: Bevel, cutter_mm: float, conflict: str) -> None:
     """A J preparation that a ball end cannot make in one sweep, or whose fillet leaves no bevel face.
 
-    `cutter_mm`: the cutter's diameter; `beside`: a parameter that is given and that it cannot have, or nothing.
+    `cutter_mm`: the cutter's diameter; `conflict`: a parameter that is given and that it cannot have, or nothing.
     """
-    if beside:
-        raise InputError(beside, "expected none beside root_radius_mm: a J preparation is milled by one path, at once")
+    if conflict:
+        raise InputError(
+            conflict, "expected none beside root_radius_mm: a J preparation is milled by one path, at once"
+        )
     if abs(cutter_mm - 2.0 * bevel.fillet_mm) > FILLET_MM:
         raise InputError(
             "cutter_diameter_mm",
@@ -268,11 +270,11 @@ def refuse_small_root(edge: RawEdge, bevel: Bevel) -> None:
     """A root below twice the U of its place, or below what a robot repeats to: a length in another unit."""
     known_mm = 2.0 * float(np.nanmedian(edge.position_u_mm[edge.seen, 1]))
     if known_mm > MOST_KNOWN_MM:
-        told = (
+        message = (
             f"the edge is known to {known_mm:.3g} mm (U, k = 2) only: do passes disagree, are poses or hand-eye pose "
             "wrong, or is its lower end lost, blurred by a filter, or rounded out of view (edge_condition)?"
         )
-        raise InputError(edge.source or "edge", told)
+        raise InputError(edge.source or "edge", message)
     least_mm = max(LEAST_ROOT_MM, SMALL_ROOT * known_mm)
     if bevel.root_mm < least_mm:
         raise InputError(
@@ -363,17 +365,17 @@ def make_plan(
         leave: stretches to pass above besides, since nothing is to be milled there.
     """
     edge = scanned.edge
-    s, length, beside = course.arc_length_mm, float(edge.arc_length_mm[-1]), min(air.over_mm, air.beside_mm)
+    s, length, lateral = course.arc_length_mm, float(edge.arc_length_mm[-1]), min(air.over_mm, air.lateral_mm)
     outward = bevel_normal(course.normal, course.across, bevel.angle)
     axes = [-outward, course.tangent, cutter_axis(course.normal, course.across, bevel.angle)]  # x = y x z
     quaternion = same_sign(quaternion_from_rotation(np.stack(axes, axis=-1)))
     final = pose_from(rotation_from_quaternion(quaternion), origins(course, bevel, 0.0))
-    reach = (cutter.diameter_mm / 2.0, beside, cutter.flute_length_mm / 2.0)
+    reach = (cutter.diameter_mm / 2.0, lateral, cutter.flute_length_mm / 2.0)
     scan = scan_of(scanned.cloud, edge, sections_of(scanned.table))
     needed = needed_heights(scan, foreign(scan, scanned.cloud, edge), s, final, reach)
     stock = bevel.height_mm(course.upper_mm)
     clear = float(stock.max()) + air.over_mm
-    found = find_lifts(s, course.seen, needed, clear, air.over_mm - beside, air.ramp_mm)
+    found = find_lifts(s, course.seen, needed, clear, air.over_mm - lateral, air.ramp_mm)
     lifts = hold_at_ends(merged([*found, *leave]), length, air.ramp_mm)
     refuse_tight_curve(course, bevel, lifted_heights(s, lifts, 0.0), cutter)
     return Plan(course, bevel, stock, outward, quaternion, lifts, clear, air, length, v_slow_mm_s)

@@ -54,8 +54,8 @@ def read(*, toolpath: InputFile) -> Toolpath:
         raise InputError(f"{where}.layers", "expected points that cut, found none")
     fastest = max(point.feed_mm_s for point in cut)
     if fastest < LEAST_FEED_MM_S:
-        told = f"expected feeds of {LEAST_FEED_MM_S:g} mm/s and more, found {fastest:.3g} at most: in m/s?"
-        raise InputError(f"{where}.layers", told)
+        expected = f"expected feeds of {LEAST_FEED_MM_S:g} mm/s and more, found {fastest:.3g} at most: in m/s?"
+        raise InputError(f"{where}.layers", expected)
     for i, layer in enumerate(layers):
         _check_advance(layer, f"{where}.layers[{i}].points")
     cutter = file.cutter

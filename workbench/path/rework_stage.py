@@ -154,7 +154,7 @@ def rework(
     excess = excess_of(inspection, bevel, table.upper_mm[:, 1])
     raw = unmilled(edge, toolpath)
     too_much, too_little = excess.fails & ~excess.lacks & ~raw, excess.lacks & ~raw
-    told = _stretches(table, excess, too_much), _stretches(table, excess, too_little)
+    stretches = _stretches(table, excess, too_much), _stretches(table, excess, too_little)
     left_out = (
         f"arc length {a:.1f} to {b:.1f} mm was not milled: not judged here"
         for a, b in cut_stretches(edge.arc_length_mm, excess.fails & raw)
@@ -171,7 +171,7 @@ def rework(
             path, warnings = (path, warnings) if gate.passed else (None, (*warnings, gate.reason))
         except InputError as refused:  # the rest of the answer holds
             path, warnings = None, (*warnings, f"no path for the rework: {refused}")
-    return Rework(path, *told, _reason(*told), warnings, inspection.part)
+    return Rework(path, *stretches, _reason(*stretches), warnings, inspection.part)
 
 
 def _path(

@@ -114,11 +114,11 @@ def _labels(points: Points, *, on_track: bool) -> Int:
     if on_track:  # which moves the robot, and not the tool's way
         pieces = _even(points)
         return np.asarray(label + 4 * (points.layer.max() + 1) * pieces)
-    turns = np.append(False, _turned(points) != 0)
+    turns = np.append(False, _external_turn(points) != 0)
     return np.asarray(np.where(turns, -1 - np.arange(len(label)), label))
 
 
-def _turned(points: Points) -> Float:
+def _external_turn(points: Points) -> Float:
     """By how much the external axis turns (n - 1,) from point to point, of several the one that does so most."""
     return np.asarray(np.abs(np.diff(points.turntable, axis=0)).reshape(len(points.layer) - 1, -1).max(axis=1))
 
@@ -152,7 +152,7 @@ def _different(points: Points) -> tuple[Points, Int]:
     step = chords_mm(points.position_mm)
     q = points.quaternion_wxyz
     turn = np.minimum(np.linalg.norm(q[1:] - q[:-1], axis=1), np.linalg.norm(q[1:] + q[:-1], axis=1))
-    new = np.append(True, (step > SAME_MM) | (turn > SAME_CHORD) | (_turned(points) > SAME_CHORD))
+    new = np.append(True, (step > SAME_MM) | (turn > SAME_CHORD) | (_external_turn(points) > SAME_CHORD))
     if new.sum() < 2:
         raise InputError("toolpath", f"expected at least two different poses, found {new.sum()}")
     return Points(*(column[new] for column in points)), np.flatnonzero(new)

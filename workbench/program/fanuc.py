@@ -337,13 +337,13 @@ class Fanuc(Numbered):
                 yield f"{number:4d}:{'' if motion else '  '}{piece}{end}"
 
     def _positions(self, group: str) -> Iterator[str]:
-        moves, turned, skeleton = self.job.moves, self.job.turntable_deg, self.skeleton
+        moves, turntable, skeleton = self.job.moves, self.job.turntable_deg, self.skeleton
         assert moves.joints_deg is not None
         configurations = configuration(self.cell, moves.joints_deg * DEG)
         here = euler_rows(moves.position_mm, moves.quaternion_wxyz, DIGITS, DIGITS)
         via = euler_rows(moves.via_position_mm, moves.via_quaternion_wxyz, DIGITS, DIGITS)
         none = [None] * len(here)
-        table, half = (none if all_ is None else list(all_) for all_ in (turned, self.halfway_deg))
+        table, half = (none if all_ is None else list(all_) for all_ in (turntable, self.halfway_deg))
 
         def said(form: str, number: int, angle: Float | None, **more: Any) -> str:
             frame, tool = self.frame

@@ -44,7 +44,7 @@ REMARK = 32  # characters of a comment and of MSG
 Configuration = tuple[int, ...]  # no flip, lower arm, rear; R, T, S beyond +-180 deg
 FLIP_DEG = 90.0  # to both sides of R's home, and of whole turns of it
 WHOLE = 2 * np.pi
-TURNED = [3, 5, 0]  # joints R, T, S
+R_T_S = [3, 5, 0]  # joints R, T, S
 SAME_POSTURE = 1e-3 * DEG  # branches that coincide
 ARC = "MOVC C{via:05d} V={speeds[0]:.1f}\nMOVC C{target:05d} V={speeds[1]:.1f} {near} FPT"
 BODY = ("straight", "arc", "axes", "home_", *SWITCHED)
@@ -367,7 +367,7 @@ def inform_configuration(chain: Chain, joints: Float) -> Configuration:
     wrist's other solution has R half a turn away. R counts from the axis' home position, as the robot's URDF must.
     """
     behind, down, _ = arm_sides(chain, joints)[0].tolist()
-    angles = np.round(joints[TURNED] / DEG, 4)
+    angles = np.round(joints[R_T_S] / DEG, 4)
     flip = 0.0 < (float(angles[0]) + FLIP_DEG) % 360.0 <= 2.0 * FLIP_DEG
     beyond = ((angles > 180) | (angles <= -180)).astype(int).tolist()
     return (int(not flip), int(down), int(behind), *beyond)

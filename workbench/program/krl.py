@@ -242,9 +242,9 @@ class Krl(CellDialect):
 
     def _data(self) -> Iterator[str]:
         """The data list: postures, targets, middles of arcs."""
-        moves, turned, skeleton = self.job.moves, self.job.turntable_deg, self.skeleton
+        moves, turntable, skeleton = self.job.moves, self.job.turntable_deg, self.skeleton
         assert moves.joints_deg is not None
-        external = [_e1(None)] * len(moves.layer) if turned is None else [_e1(angle) for angle in turned]
+        external = [_e1(None)] * len(moves.layer) if turntable is None else [_e1(angle) for angle in turntable]
         yield from ("&ACCESS RVP", DATA.say("begin", name=self.job.name))
         targets = _frames(moves.position_mm, moves.quaternion_wxyz)
         said = status_and_turn(self.cell, moves.joints_deg * DEG).tolist()

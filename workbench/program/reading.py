@@ -179,8 +179,8 @@ def euler_deg(quaternion_wxyz: Float) -> Float:
 
 def euler_rows(position_mm: Float, quaternion_wxyz: Float, digits_mm: int, digits_deg: int) -> list[list[float]]:
     """X, Y, Z, A, B, C of poses (k, 3), (k, 4), rounded."""
-    turned = np.round(euler_deg(quaternion_wxyz), digits_deg)
-    rows: list[list[float]] = (np.concatenate([np.round(position_mm, digits_mm), turned], axis=1) + 0.0).tolist()
+    angles = np.round(euler_deg(quaternion_wxyz), digits_deg)
+    rows: list[list[float]] = (np.concatenate([np.round(position_mm, digits_mm), angles], axis=1) + 0.0).tolist()
     return rows
 
 

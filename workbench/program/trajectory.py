@@ -142,8 +142,8 @@ class Trajectory:
     @functools.cached_property
     def _on_part(self) -> Float:
         """The path's frame (n, 4, 4) at all postures, in the turntable's frame."""
-        made, turned = self.made, inverse(turntable_pose(self.cell, self.made.turntable))
-        return np.asarray(turned @ forward_kinematics(self.cell.chain, made.joints) @ made.flange_from_point)
+        made, part_from_base = self.made, inverse(turntable_pose(self.cell, self.made.turntable))
+        return np.asarray(part_from_base @ forward_kinematics(self.cell.chain, made.joints) @ made.flange_from_point)
 
     def _between_postures(self, towards: Int, share: Float) -> tuple[Float, Float]:
         """How far even angles leave the path (k,), mm, on the way to postures (k,); and angles (k, 7) that stay on it.

@@ -132,7 +132,7 @@ def write(
         return (gate,)
     chosen = controller or (cell.controller.dialect if cell.controller else None)
     assert chosen is not None
-    cell = _told(cell, chosen)
+    cell = _with_process_notes(cell, chosen)
     mills = moves.toolpath.mills
     of_root = root_checks(moves, gate, cell, root_tolerance_mm) if mills else ()
     of_spindle = spindle_checks(moves, cell) if mills else ()
@@ -152,13 +152,13 @@ def write(
     stops, within = stops_in_the_cut(written.judgement.program, moves)
     counted = "is" if written.judgement.stops_counted else "is not"
     tool, there, cost = TOOL_STOPS if mills else SCANNER_STOPS
-    told = (
+    warning = (
         f"{tool} stops at {stops} of {within} targets {there}: each {cost}, and its time {counted} "
         "counted ($.controller.acceleration_s)"
     )
     return (
         *written.documents,
-        dataclasses.replace(written.gate, warnings=(told,)) if stops else written.gate,
+        dataclasses.replace(written.gate, warnings=(warning,)) if stops else written.gate,
         written.judgement,
         program_chapter(written.judgement, written.gate, cell, moves.toolpath.part, checks),
     )
@@ -175,7 +175,7 @@ def stops_in_the_cut(program: ProgramMoves, moves: Moves) -> tuple[int, int]:
     return sum(move.zone_mm == 0 for move in inside), len(inside)
 
 
-def _told(cell: Cell, chosen: str) -> Cell:
+def _with_process_notes(cell: Cell, chosen: str) -> Cell:
     """The cell with what a program of this controller can say of its process: signals are named as its maker does."""
     process, known = cell.process, cell.controller.dialect if cell.controller else chosen
     if process is None:
@@ -203,7 +203,7 @@ def _rapid(job: ProgramJob, cell: Cell, procedure: str, tool_name: str, work_obj
 DRIVE_AXES = ("abb", "kuka", "fanuc")  # a track, or two axes of a positioner
 TOOL_STOPS = "the cutter", "in the cut", "may leave a mark"
 SCANNER_STOPS = "the scanner", "of the pass", "gives one place many frames"
-TOLD = 10  # violations in the report; all are in program_check.json
+MOST_LISTED = 10  # violations in the report; all are in program_check.json
 CHECKED = {
     "root_deflection_mm": "Of the root face, by giving way, mm",
     "root_repeatability_mm": "Of the root face, by the robot's repeatability, mm",
@@ -243,7 +243,7 @@ def program_chapter(
             if check.value is not None
         ),
     ]
-    wrong = [place(one) for one in judgement.violations[:TOLD]]
+    wrong = [place(one) for one in judgement.violations[:MOST_LISTED]]
     lists = (("Reasons against release", wrong), ("Not checked, or with less force than the rule", left_open))
     text = pieces.facts_html(facts) + "".join(
         pieces.heading(title) + pieces.list_html(texts) for title, texts in lists if texts
@@ -362,22 +362,22 @@ def too_sudden(moves: Moves, cell: Cell, zone_mm: float) -> Bool | None:
     steps = chords_mm(made.position_mm)
     a_mm = np.diff(made.axes, axis=0) / np.maximum(steps, NOTHING)[:, None]  # rad of each a mm of way
     inside = np.clip(point, 1, len(a_mm) - 1)
-    turned = np.abs(a_mm[inside] - a_mm[inside - 1]) * moves.feed_mm_s[:, None]
-    asked = turned / (2 * zone / moves.feed_mm_s)[:, None]
+    change = np.abs(a_mm[inside] - a_mm[inside - 1]) * moves.feed_mm_s[:, None]
+    asked = change / (2 * zone / moves.feed_mm_s)[:, None]
     return np.asarray((asked > GENTLE * most).any(axis=1))
 
 
 def as_seen(moves: Moves, frame_from_base: Float, point_from_tool: Float) -> Moves:
     """The same moves as targets of another tool frame in another frame."""
 
-    def turned(position: Float, quaternion: Float) -> tuple[Float, Float]:
+    def in_frame(position: Float, quaternion: Float) -> tuple[Float, Float]:
         poses = frame_from_base @ pose_from(rotation_from_quaternion(quaternion), position) @ point_from_tool
         return poses[:, :3, 3], quaternion_from_rotation(poses[:, :3, :3])
 
-    position, quaternion = turned(moves.position_mm, moves.quaternion_wxyz)
+    position, quaternion = in_frame(moves.position_mm, moves.quaternion_wxyz)
     via, via_turn = moves.via_position_mm.copy(), moves.via_quaternion_wxyz.copy()
     arcs = moves.circular
-    via[arcs], via_turn[arcs] = turned(via[arcs], via_turn[arcs])
+    via[arcs], via_turn[arcs] = in_frame(via[arcs], via_turn[arcs])
     return dataclasses.replace(
         moves, position_mm=position, quaternion_wxyz=quaternion, via_position_mm=via, via_quaternion_wxyz=via_turn
     )

@@ -100,15 +100,15 @@ class Part:
         seen = self.flange.at(at.pose.offset_s)
         A, b = seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3]
         away = self.marks.point_mm - self.middle_mm
-        turned = (self.middle_mm + away / (1.0 + at.scale)) @ at.pose.rotation[:, [0, 2]].T  # R p (k, Q, 3)
-        lever = turned + at.pose.translation_mm
+        rotated = (self.middle_mm + away / (1.0 + at.scale)) @ at.pose.rotation[:, [0, 2]].T  # R p (k, Q, 3)
+        lever = rotated + at.pose.translation_mm
         point = np.einsum("kij,kqj->kqi", A, lever) + b[:, None]
         which, face, axis = (np.array(one) for one in zip(*self.pairs, strict=True))
         normal, off = at.frame[face, axis], point[:, which] - at.place_mm[face]
         here = np.einsum("kji,dj->kdi", A, normal)  # the normals in the flange's axes
         jacobian = np.zeros((len(A), len(which), self.size))
         jacobian[..., :3] = here
-        jacobian[..., 3:6] = np.cross(turned[:, which], here)
+        jacobian[..., 3:6] = np.cross(rotated[:, which], here)
         per_face, by_turn = 2 + len(self.shifts), np.cross(at.frame[face, :2], normal[:, None])
         for d, (k, a) in enumerate(zip(face, axis, strict=True)):
             first = 6 + per_face * k
@@ -160,8 +160,8 @@ class Part:
     def start(self, R: Float, seen: Flange, offset_s: float) -> tuple[float, At]:
         """The answer from one rotation, and the sum of its squared distances before it."""
         A, b = seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3]
-        turned = self.marks.point_mm @ R[:, [0, 2]].T
-        base = np.einsum("kij,kqj->kqi", A, turned) + b[:, None]  # but for A t
+        rotated = self.marks.point_mm @ R[:, [0, 2]].T
+        base = np.einsum("kij,kqj->kqi", A, rotated) + b[:, None]  # but for A t
         t, size = np.zeros(3), self.faces
         frame, place = np.tile(np.eye(3), (size, 1, 1)), np.zeros((size, 3))
         for _ in range(START_ROUNDS if self.target == "points" else 1):

@@ -152,11 +152,11 @@ class Motion:
         """
         rotation = rotation_from_quaternion(self.quaternion[first:last])
         middle = rotation[len(rotation) // 2]
-        turned = vector_from_rotation(middle.T @ rotation)  # small enough to be unique within a scan
+        rotation_vector = vector_from_rotation(middle.T @ rotation)  # small enough to be unique within a scan
         time, position = self.time_s[first:last], self.position_mm[first:last]
         half = (time[-1] - time[0]) / 2
         x = (time - time[0]) / half - 1.0
-        both = [_series(x, position - position[0]), _series(x, turned)]
+        both = [_series(x, position - position[0]), _series(x, rotation_vector)]
         size = max(len(one) for one in both)
         series = np.concatenate([np.pad(one, ((0, size - len(one)), (0, 0))) for one in both], axis=1)
         rate, bend = chebder(series) / half, chebder(series, 2) / half**2

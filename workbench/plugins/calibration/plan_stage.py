@@ -62,14 +62,14 @@ def candidate_postures(
     """
     radius, count = estimate.radius_mm, CANDIDATES
     way, tilt = rng.uniform(0, 2 * np.pi, count), turn[0] * np.sqrt(_to_limit(rng, count))
-    roll = _either_way(turn[1], rng, count)
+    roll = _two_sided(turn[1], rng, count)
     low, high = OFF_PLANE
     y = radius * (low + (high - low) * _to_limit(rng, count)) * _sign(rng, count)
-    x, z = (m + _either_way(h, rng, count) for m, h in zip(middle_mm, half_mm, strict=True))
+    x, z = (m + _two_sided(h, rng, count) for m, h in zip(middle_mm, half_mm, strict=True))
     centre = np.stack([x, y, z], axis=1)
     tilted = rotation_from_vector(np.column_stack([tilt * np.cos(way), tilt * np.sin(way), np.zeros(count)]))
-    turned = tilted @ rotation_from_vector(roll[:, None] * np.eye(3)[2])
-    flange = nominal @ turned @ estimate.rotation.T
+    rotated = tilted @ rotation_from_vector(roll[:, None] * np.eye(3)[2])
+    flange = nominal @ rotated @ estimate.rotation.T
     lever = centre @ estimate.rotation.T + estimate.translation_mm
     return pose_from(flange, estimate.center_mm - (flange @ lever[..., None])[..., 0]), centre
 
@@ -112,7 +112,7 @@ def _sign(rng: np.random.Generator, count: int) -> Float:
     return rng.choice([-1.0, 1.0], count)
 
 
-def _either_way(limit: float, rng: np.random.Generator, count: int) -> Float:
+def _two_sided(limit: float, rng: np.random.Generator, count: int) -> Float:
     return limit * _to_limit(rng, count) * _sign(rng, count)
 
 

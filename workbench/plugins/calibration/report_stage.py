@@ -160,11 +160,11 @@ def _plan(plan: PosturePlan) -> Iterable[str]:
         f"u over the field of view after the {len(plan.centre_mm)} postures proposed: "
         f"{plan.volume_u_mm[-1]:.3f} mm, {plan.volume_u_mm[0]:.3f} mm now."
     )
-    turned = [np.array(rpy_from_rotation(pose[:3, :3])) / DEG for pose in plan.base_from_flange]
+    rpy_deg = [np.array(rpy_from_rotation(pose[:3, :3])) / DEG for pose in plan.base_from_flange]
     columns = {
-        "Next": ("{}", range(1, len(turned) + 1)),
+        "Next": ("{}", range(1, len(rpy_deg) + 1)),
         "Flange in the base, mm": ("{:.1f}, {:.1f}, {:.1f}", plan.base_from_flange[:, :3, 3]),
-        "Roll, pitch, yaw, °": ("{:.2f}, {:.2f}, {:.2f}", turned),
+        "Roll, pitch, yaw, °": ("{:.2f}, {:.2f}, {:.2f}", rpy_deg),
         "Sphere centre in the profiler, mm": ("{:.1f}, {:.1f}, {:.1f}", plan.centre_mm),
         "u after it, mm": ("{:.3f}", plan.volume_u_mm[1:]),
     }

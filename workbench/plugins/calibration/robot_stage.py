@@ -47,7 +47,7 @@ from workbench.plugins.calibration.model import (
 )
 from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.solve import solve
-from workbench.plugins.calibration.tables import JOINTS, enough, fit_words, noisy, rms_mm, told
+from workbench.plugins.calibration.tables import JOINTS, enough, fit_fields, fit_words, noisy, rms_mm
 from workbench.plugins.calibration.values import Rejected, SphereProfiles
 from workbench.plugins.calibration.verdicts import hand_eye_file, serves, view_of
 from workbench.plugins.csv_table import Table
@@ -189,7 +189,7 @@ def robot(
         "residual_rms_as_built_mm": rms_mm(built.rows.residual[:, :2]),
         "residual_rms_mm": rms,
         "postures": len(used),
-        **told(found, left_out, verdict, warnings, labels.name),
+        **fit_fields(found, left_out, verdict, warnings, labels.name),
     }
     said = (
         f"The sphere's places lie {rms:.3f} mm RMS (x and z) from the model, {more['residual_rms_as_built_mm']:.3f} mm "

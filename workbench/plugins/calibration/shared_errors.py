@@ -136,7 +136,7 @@ class _Scans:
         linear = linearise(self.estimate, self.here, noise, self.with_offset)
         return rows_of(linear, self.here, noise, self.estimate).normal()
 
-    def told(self, own: float) -> float:
+    def log_likelihood(self, own: float) -> float:
         """Logarithm of how likely an error of the poses' own is, whatever the whole scan's."""
         each = [self.by(whole, own).restricted + _prior_of_scans(whole, own) for whole in WHOLE[::FEWER]]
         return float(np.logaddexp.reduce(each))
@@ -144,9 +144,9 @@ class _Scans:
     def owns(self) -> list[float]:
         """Poses' own errors about the likeliest, those that have a weight."""
         found = scipy.optimize.minimize_scalar(
-            lambda log_own: -self.told(np.exp(log_own)), bounds=np.log(OWN), options={"xatol": NEAR}
+            lambda log_own: -self.log_likelihood(np.exp(log_own)), bounds=np.log(OWN), options={"xatol": NEAR}
         )
-        return [one for one in np.exp(found.x) * AROUND if self.told(one) > -found.fun - NO_WEIGHT]
+        return [one for one in np.exp(found.x) * AROUND if self.log_likelihood(one) > -found.fun - NO_WEIGHT]
 
 
 def _prior_of_scans(whole: float, own: float) -> float:

@@ -23,7 +23,7 @@ Fitted: TypeAlias = Callable[[], float]
 NAMED = 3  # suspicions in a sentence; of so many times as many, the likeliest, the misfit is fitted
 ALIKE = 4.0  # times the least misfit: explains nearly as well
 DESIGN_DEG = 20.0  # by which a design's pose may be off
-TURNED_DEG = 30.0  # beyond it nobody took it for the same pose
+FAR_DEG = 30.0  # beyond it nobody took it for the same pose
 
 
 def suspected(base_from_flange: Float, begin: Callable[[Float], tuple[float, Fitted]], most: float) -> str:
@@ -53,13 +53,13 @@ def suspected(base_from_flange: Float, begin: Callable[[Float], tuple[float, Fit
     return " or ".join(list(named)[:NAMED])
 
 
-def turned(rotation: Float, design: Float | None) -> tuple[str, ...]:
+def rotation_warnings(rotation: Float, design: Float | None) -> tuple[str, ...]:
     """A warning where a hand-eye rotation is far from that which its recording carries, with the likeliest cause."""
     if design is None or (design == np.eye(4)).all():
         return ()
     between = design[:3, :3].T @ rotation
     off = _angle_deg(between)
-    if off <= TURNED_DEG:
+    if off <= FAR_DEG:
         return ()
     x, _, z = np.eye(3, dtype=np.float32)
     causes = [(DESIGN_DEG, "that pose is of another convention")]

@@ -111,13 +111,13 @@ def refuse_open(where: str, what: str, u_mm: float, way: Float, frame: str, most
 def results(
     file: type[RobotFile | ToolFile | TurntableFile], title: str, who: Part, content: dict[str, Any], html: str
 ) -> tuple[Document, Chapter]:
-    """A calibration's file and the report's chapter; `content`: what was found, with what `told` says."""
+    """A calibration's file and the report's chapter; `content`: what was found, with what `fit_fields` says."""
     warnings = (*content["warnings"], *content.get("left_as_built", ()))
     chapter = Chapter(title, html, summary=content["verdict"], part=who, about="instruments", warnings=warnings)
     return result_file(file.NAME, {"part": asdict(who), **content}), chapter
 
 
-def told(
+def fit_fields(
     found: estimator.Fit[Any],
     left_out: dict[int, str],
     verdict: tuple[bool, str],
@@ -155,7 +155,7 @@ def by_point(change: Float, which: Int, count: int) -> Float:
     return np.reshape(columns, (*change.shape[:2], -1))
 
 
-def turned_noise(lever: Float, sigma_mm: float, sigma: float) -> Float:
+def lever_noise(lever: Float, sigma_mm: float, sigma: float) -> Float:
     """Covariance (n, 3, 3) of points at the ends of levers (n, 3): of their place, and of an orientation (rad)."""
     across = (lever**2).sum(axis=1)[:, None, None] * np.eye(3) - lever[:, :, None] * lever[:, None, :]
     return np.asarray(sigma_mm**2 * np.eye(3) + sigma**2 * across)

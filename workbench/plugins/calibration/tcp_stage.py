@@ -35,15 +35,15 @@ from workbench.plugins.calibration.tables import (
     by_point,
     check_misfit,
     enough,
+    fit_fields,
     fit_words,
+    lever_noise,
     noisy,
     poses,
     refuse_open,
     results,
     rms_mm,
     sentence,
-    told,
-    turned_noise,
 )
 from workbench.plugins.calibration.values import SphereProfiles
 from workbench.plugins.csv_table import Table
@@ -74,7 +74,7 @@ class Touches:
     lines: tuple[int, ...]  # of the file
 
     @property
-    def beside_mm(self) -> Float:
+    def distance_mm(self) -> Float:
         """The distances (n,), 0 where nothing is said."""
         return np.nan_to_num(self.stand_off_mm)
 
@@ -174,12 +174,12 @@ def tcp(
         ],
         "residual_rms_mm": rms_mm(found.rows.residual[found.used]),
         "touches": int(found.used.sum()),
-        **told(found, left_out, verdict, warnings),
+        **fit_fields(found, left_out, verdict, warnings),
     }
     head = ("Tool point", "x, mm", "y, mm", "z, mm", "u, least certain direction, mm")
     rows = [(name, *(f"{v:.3f}" for v in place[k]), f"{u[k]:.3f}") for k, name in enumerate(names)]
-    turned = "" if axis is None else f"Axis: u = {axis['u_deg']:.3f}° about the least certain direction. "
-    html = pieces.table_html(head, rows) + pieces.paragraph(f"{turned}{fit_words(found)} {sentence(verdict[1])}")
+    axis_words = "" if axis is None else f"Axis: u = {axis['u_deg']:.3f}° about the least certain direction. "
+    html = pieces.table_html(head, rows) + pieces.paragraph(f"{axis_words}{fit_words(found)} {sentence(verdict[1])}")
     return results(ToolFile, "Tool calibration", UNKNOWN_PART.with_names(part), document, html)
 
 
@@ -215,17 +215,17 @@ def read_touches(path: InputFile, reference_u_mm: float) -> Touches:
     count = int(np.isfinite(measured).all(axis=1).sum())
     # One error for all of them, as of a hand-eye pose: it displaces nothing but them, and the tool carries it in full.
     shared = reference_u_mm**2 * np.kron(np.ones((count, count)), np.eye(3)) + ALONE_MM**2 * np.eye(3 * count)
-    beside = table.numbers((STAND_OFF,), blank=True)[:, 0]
-    if (beside < 0.0).any():
-        raise InputError(f"{table.place(beside < 0.0)}: {STAND_OFF}", "expected 0 or more")
+    stand_off = table.numbers((STAND_OFF,), blank=True)[:, 0]
+    if (stand_off < 0.0).any():
+        raise InputError(f"{table.place(stand_off < 0.0)}: {STAND_OFF}", "expected 0 or more")
     return Touches(
-        poses(table)[:, :3], tool, reference, tools, references, measured, shared, beside, tuple(table.lines)
+        poses(table)[:, :3], tool, reference, tools, references, measured, shared, stand_off, tuple(table.lines)
     )
 
 
 def _check_stand_off(touches: Touches, radius_mm: float, where: str) -> None:
     """Refuse touches of a scanned sphere that do not say how far from its centre the tool point stays."""
-    unsaid, within = np.isnan(touches.stand_off_mm), (touches.beside_mm > 0.0) & (touches.beside_mm < radius_mm)
+    unsaid, within = np.isnan(touches.stand_off_mm), (touches.distance_mm > 0.0) & (touches.distance_mm < radius_mm)
     if (unsaid | within).any():
         raise InputError(
             f"{where}: line {touches.lines[int((unsaid | within).argmax())]}: {STAND_OFF}",
@@ -237,10 +237,10 @@ def _check_stand_off(touches: Touches, radius_mm: float, where: str) -> None:
 class _Touching:
     """Touches as the estimator sees them: unknown are all tool points (flange), then all references (base), mm."""
 
-    def __init__(self, touches: Touches, noise: tuple[float, float], beside: Float | None = None) -> None:
+    def __init__(self, touches: Touches, noise: tuple[float, float], offset: Float | None = None) -> None:
         """`noise`: of position (mm) and orientation (rad), each axis.
 
-        `beside`: where the tool points lie from their references (n, 3); None: the touches' distance away, anywhere.
+        `offset`: where the tool points lie from their references (n, 3); None: the touches' distance away, anywhere.
         """
         self.rotation, self.position = touches.base_from_flange[:, :, :3], touches.base_from_flange[:, :, 3]
         self.tool_point, self.noise = touches.tool_point, noise
@@ -248,12 +248,12 @@ class _Touching:
         of_tool = by_point(self.rotation, touches.tool_point, tools)
         of_reference = by_point(np.tile(-np.eye(3), (n, 1, 1)), touches.reference, refs)
         self.slope = np.concatenate([of_tool, of_reference], axis=2)
-        self.offset = np.zeros((n, 3)) if beside is None else beside
-        self.ball_mm = touches.beside_mm if beside is None else np.zeros(n)
+        self.offset = np.zeros((n, 3)) if offset is None else offset
+        self.ball_mm = touches.distance_mm if offset is None else np.zeros(n)
         turn = np.arccos(np.clip((np.einsum("nij,mij->nm", self.rotation, self.rotation) - 1.0) / 2.0, -1.0, 1.0))
         nearby = np.linalg.norm(self.position[:, None] - self.position[None], axis=2)
-        ball = touches.beside_mm > 0.0  # round a ball the flange need not turn
-        turn = turn + np.divide(nearby, touches.beside_mm, out=np.zeros_like(turn), where=ball)
+        ball = touches.distance_mm > 0.0  # round a ball the flange need not turn
+        turn = turn + np.divide(nearby, touches.distance_mm, out=np.zeros_like(turn), where=ball)
         self.alike = estimator.alike(touches.tool_point * refs + touches.reference, turn, SAME_POSTURE)
         held = 3 * tools + np.flatnonzero(np.isfinite(touches.known_mm))
         self.prior = np.zeros((self.slope.shape[2],) * 2)
@@ -266,7 +266,7 @@ class _Touching:
         way = apart / np.maximum(np.linalg.norm(apart, axis=1), 1e-12)[:, None]
         lever = np.einsum("nij,nj->ni", self.rotation, x.reshape(-1, 3)[self.tool_point])
         round_it = (ANYWHERE * self.ball_mm[:, None, None]) ** 2 * (np.eye(3) - way[:, :, None] * way[:, None, :])
-        covariance = (turned_noise(lever, *self.noise) + round_it) * self.alike[:, None, None]
+        covariance = (lever_noise(lever, *self.noise) + round_it) * self.alike[:, None, None]
         values = np.where(self.ball_mm > 0.0, 1, 3) / self.alike
         residual = self.ball_mm[:, None] * way - apart
         return estimator.Rows(residual, self.slope, covariance, values, self.prior, self.expected - x)
@@ -284,10 +284,10 @@ def _begun(touches: Touches, noise: tuple[float, float]) -> Float:
     """
     on = _Touching(touches, noise, np.zeros((len(touches.lines), 3)))
     plain = estimator.fit(on, np.zeros(on.slope.shape[2])).at
-    if not touches.beside_mm.any():
+    if not touches.distance_mm.any():
         return plain
     lever = np.einsum("nij,nj->ni", on.rotation, plain.reshape(-1, 3)[touches.tool_point])
-    away = -touches.beside_mm[:, None] * lever / np.maximum(np.linalg.norm(lever, axis=1), 1e-12)[:, None]
+    away = -touches.distance_mm[:, None] * lever / np.maximum(np.linalg.norm(lever, axis=1), 1e-12)[:, None]
     pressed, other = (
         estimator.fit(_Touching(touches, noise), start)
         for start in (estimator.fit(_Touching(touches, noise, away), plain).at, plain)

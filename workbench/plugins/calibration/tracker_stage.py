@@ -41,10 +41,10 @@ from workbench.plugins.calibration.tables import (
     by_point,
     check_misfit,
     enough,
+    fit_fields,
     fit_words,
     noisy,
     poses,
-    told,
 )
 from workbench.plugins.csv_table import Table
 from workbench.plugins.ranges import BevelDeg, Deviation, LengthMm, NoiseDeg, NoiseMm, ToleranceMm
@@ -64,7 +64,7 @@ BEYOND = 5.0  # standard deviations of how a robot is built
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class Readings:
     """n readings of targets on the flange, at postures of the robot."""
 
     flange: Shaped[Float, "n 4 4"]  # base_from_flange as the model says
@@ -92,7 +92,7 @@ class Tracked:
 class Tracking:
     """A target p on the flange F is seen at x = T F(q, e) p: unknown are T, the targets and the arm's errors e."""
 
-    def __init__(self, seen: Seen, chain: Chain | None, arm: ArmErrors, sigma: tuple[float, float, float]) -> None:
+    def __init__(self, seen: Readings, chain: Chain | None, arm: ArmErrors, sigma: tuple[float, float, float]) -> None:
         """`sigma`: of a reading (mm), of the flange's position (mm) and orientation (rad), each axis."""
         self.seen, self.chain, self.arm, self.posture, self.sigma = seen, chain, arm, seen.posture, sigma
         self.alone, self.spread = sigma[0] ** 2 * np.eye(3), np.repeat(sigma[1:], 3)
@@ -218,7 +218,7 @@ def tracker(
         "residual_rms_mm": rms,
         "u_mm": u,
         "readings": len(residual),
-        **told(found, left_out, verdict, warnings),
+        **fit_fields(found, left_out, verdict, warnings),
     }
     return robot_results(
         arm,
@@ -231,7 +231,7 @@ def tracker(
     )
 
 
-def read_readings(path: InputFile, chain: Chain | None) -> Seen:
+def read_readings(path: InputFile, chain: Chain | None) -> Readings:
     """The table: joint angles (with a cell) or the flange's pose, the target's name, its place."""
     table = Table(path, (*(POSE if chain is None else JOINTS), *PLACE), LEAST_POSTURES)
     place, (targets, target) = table.numbers(PLACE), table.labels("target", "target")
@@ -239,7 +239,7 @@ def read_readings(path: InputFile, chain: Chain | None) -> Seen:
     flange = (
         poses(table) if chain is None or joints is None else erring_flange(chain, NO_ERRORS, np.zeros(0), joints)[0]
     )
-    seen = Seen(flange, joints, target, place, targets, tuple(table.lines))
+    seen = Readings(flange, joints, target, place, targets, tuple(table.lines))
     if (count := int(seen.posture.max()) + 1) < LEAST_POSTURES:
         raise InputError(str(path), f"expected at least {LEAST_POSTURES} different postures, found {count}")
     if 3 * len(seen.lines) < 6 + 3 * len(targets):

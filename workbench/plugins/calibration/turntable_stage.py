@@ -37,13 +37,13 @@ from workbench.plugins.calibration.tables import (
     by_point,
     check_misfit,
     enough,
+    fit_fields,
     fit_words,
     noisy,
     refuse_open,
     results,
     rms_mm,
     sentence,
-    told,
 )
 from workbench.plugins.calibration.values import SphereProfiles
 from workbench.plugins.csv_table import Table
@@ -105,10 +105,10 @@ class _Turning:
         self.time = np.argsort(np.argsort(marks.lines)) / (len(marks.lines) - 1) - 0.5
 
     def predicted(self, at: Axis) -> Float:
-        there = np.einsum("nij,nj->ni", self.turned(at), at.marker_mm[self.marks.marker])
+        there = np.einsum("nij,nj->ni", self.rotation(at), at.marker_mm[self.marks.marker])
         return np.asarray(at.point_mm + there + self.time[:, None] * at.drift_mm)
 
-    def turned(self, at: Axis) -> Float:
+    def rotation(self, at: Axis) -> Float:
         return rotation_from_vector(self.marks.angle[:, None] * at.frame[2])
 
     def sway(self, at: Axis) -> Float:
@@ -121,9 +121,9 @@ class _Turning:
         sway = self.angle_noise * self.sway(at)[..., None]
         columns = (
             np.tile(at.frame[:2].T, (n, 1, 1)),
-            estimator.jacobian_of(lambda turn: self.predicted(_turned(at, turn)), np.full(2, STEP)),
+            estimator.jacobian_of(lambda turn: self.predicted(_tilted(at, turn)), np.full(2, STEP)),
             self.time[:, None, None] * np.eye(3),
-            by_point(self.turned(at), self.marks.marker, self.marks.markers),
+            by_point(self.rotation(at), self.marks.marker, self.marks.markers),
         )
         slope, prior = np.concatenate(columns, axis=2), np.zeros((size, size))
         prior[4:7, 4:7] = np.linalg.inv(self.drift**2 * self.marks.places.covariance.mean(axis=0))
@@ -134,7 +134,7 @@ class _Turning:
 
     def moved(self, at: Axis, step: Float) -> Axis:
         """The point stays where the axis is nearest to the middle of all points."""
-        then = _turned(at, step[2:4])
+        then = _tilted(at, step[2:4])
         point = at.point_mm + step[:2] @ at.frame[:2]
         slid = (self.middle - point) @ then.frame[2] * then.frame[2]
         markers, drift = at.marker_mm + step[7:].reshape(-1, 3) - slid, at.drift_mm + step[4:7]
@@ -219,8 +219,8 @@ def turntable(
     covariance = found.covariance[:4, :4] + shift @ shift.T
     spread_mm2, apart = _drift(found)
     covariance[:2, :2] += spread_mm2 / 12.0  # any time between first and last row is as likely
-    turned_more = table.sway(axis) * (every.angle - every.angle[found.used].mean())[:, None]
-    (scale,), ((variance,),) = found.tested(turned_more[..., None])
+    by_scale = table.sway(axis) * (every.angle - every.angle[found.used].mean())[:, None]
+    (scale,), ((variance,),) = found.tested(by_scale[..., None])
     scale_u = math.sqrt(variance)
     if abs(scale) > SURE * scale_u:
         raise InputError(
@@ -258,7 +258,7 @@ def turntable(
         "direction_u_deg": estimator.worst(covariance[2:, 2:])[0] / DEG,
         "residual_rms_mm": rms_mm(found.rows.residual[found.used]),
         "points": int(found.used.sum()),
-        **told(found, left_out, verdict, warnings),
+        **fit_fields(found, left_out, verdict, warnings),
     }
     html = pieces.paragraph(
         f"Axis through ({', '.join(f'{v:.3f}' for v in axis.point_mm)}) mm along "
@@ -336,6 +336,6 @@ def worst(axis: Axis, covariance: Float, points_mm: Float, reach_mm: float) -> t
     return u, way @ axis.frame[:2]
 
 
-def _turned(at: Axis, turn: Float) -> Axis:
+def _tilted(at: Axis, turn: Float) -> Axis:
     direction = at.frame[2] + turn @ at.frame[:2]
     return replace(at, frame=frame_about(direction / np.linalg.norm(direction), at.frame[0]))

@@ -121,7 +121,7 @@ def joints_kernel(
 ) -> None:
     """Joint angles (n, 6) as `posture` has their cosines; b: joint 5's axis as joint 6 would carry it along."""
     for n in range(len(w)):
-        axis, beside = (a[n, 0], a[n, 1], a[n, 2]), (b[n, 0], b[n, 1], b[n, 2])
+        axis, carried = (a[n, 0], a[n, 1], a[n, 2]), (b[n, 0], b[n, 1], b[n, 2])
         first, second, both, _, h, _, _ = _arm(branch, (w[n, 0], w[n, 1], w[n, 2]))
         (c1, s1), (c2, s2), (c23, s23) = first, second, both
         g, across, up = _across(branch, first, h, axis)
@@ -130,7 +130,7 @@ def joints_kernel(
         found[n, 3] = np.arctan2(flip * up, flip * across)
         bent = np.arctan2(flip * np.sqrt(_dot(g, g)), _dot(h, axis))
         found[n, 4] = (bent - bend + np.pi) % (2 * np.pi) - np.pi
-        found[n, 5] = np.arctan2(flip * _dot(axis, _cross(g, beside)), flip * _dot(g, beside))
+        found[n, 5] = np.arctan2(flip * _dot(axis, _cross(g, carried)), flip * _dot(g, carried))
 
 
 @kernel(inline="always", **FAST)
@@ -194,10 +194,10 @@ def posture(branch: Branch, wrist: Vector, axis: Vector, at: Vector, acts: Vecto
         & (c2 * limits[3] + s2 * limits[4] >= limits[5])
         & (c3 * limits[6] + s3 * limits[7] >= limits[8])
     )
-    turned = across * limits[9] + up * limits[10]
+    roll = across * limits[9] + up * limits[10]
     straight, sideways = c5 * limits[12], bent * limits[13]
-    kept = (turned >= limits[11] * bent) & (straight + sideways >= limits[14])
-    flipped = (-turned >= limits[11] * bent) & (straight - sideways >= limits[14])
+    kept = (roll >= limits[11] * bent) & (straight + sideways >= limits[14])
+    flipped = (-roll >= limits[11] * bent) & (straight - sideways >= limits[14])
     missed, singular = (x2 < 0.0) | (height2 < 0.0), (bent < 1e-6) | free
     said = UNREACHABLE if missed else (SINGULAR if singular else (FREE if inside & kept else LIMIT))
     other = UNREACHABLE if missed else (SINGULAR if singular else (FREE if inside & flipped else LIMIT))

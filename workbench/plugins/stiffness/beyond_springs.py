@@ -18,7 +18,7 @@ from workbench.plugins.stiffness.equations import TYPICAL, Equations, Loading, e
 from workbench.plugins.stiffness.values import LoadingTests
 
 SURE_SIGMAS = 4.0  # by which a cause is beyond what was stated of it: of 60 causes one in 260 sound sets has one
-MOST_CAUSES, TOLD = 8, 3
+MOST_CAUSES, MOST_NAMED = 8, 3
 CHANCE = 1e-3  # that sound loads count as lacking fit
 RANK = 1e-6  # share of the information below which there is none
 STEP = 1e-3  # of each cause's unit, for its direction
@@ -67,9 +67,9 @@ def with_causes(
     labels: estimator.Labels,
     as_built_u: float,
 ) -> tuple[Loading, estimator.Fit[Float], LackOfFit]:
-    """The compliance with causes as unknowns, each with its prior; one that is beyond its prior is told, and free.
+    """The compliance with causes as unknowns, each with its prior; one that is beyond its prior is reported, and free.
 
-    found: the fit of six springs; as_built_u: times the stated priors, 0: causes are told, but not in u of the rest.
+    found: the fit of six springs; as_built_u: times the stated priors, 0: causes are reported, but not in the rest's u.
     """
     eq = equations(chain, setup, tests)
     causes, loading = _held(chain, setup, tests, eq, found.at, as_built_u)
@@ -77,7 +77,7 @@ def with_causes(
     _, noise2, _ = _repeated(tests, loading, found)
     give = _give(loading, loading.fit(found.used), links, noise2)
     u[links] = give or u[links]
-    told, first = list[int](), None
+    free, first = list[int](), None
     while True:
         loading = Loading(eq, columns, u)
         fitted = loading.fit(found.used)
@@ -87,12 +87,12 @@ def with_causes(
         gain = np.where(np.isfinite(u), np.abs(size) / (known * np.sqrt(seen) * np.hypot(1.0, u * np.sqrt(seen))), 0.0)
         gain /= np.sqrt(noise2)
         best = int(gain.argmax())
-        if gain[best] < SURE_SIGMAS or len(told) == MOST_CAUSES:
+        if gain[best] < SURE_SIGMAS or len(free) == MOST_CAUSES:
             break
-        told.append(best)
+        free.append(best)
         u[best] = np.inf
     fitted, _ = estimator.without_blunders(loading, fitted.at, labels)
-    return loading, fitted, _lack(tests, loading, fitted, causes, told, first, give)
+    return loading, fitted, _lack(tests, loading, fitted, causes, free, first, give)
 
 
 def promised(chain: Chain, setup: LoadingSetup, tests: LoadingTests, compliance: Float, as_built_u: float) -> Float:
@@ -146,11 +146,11 @@ def _lack(
     loading: Loading,
     found: estimator.Fit[Float],
     causes: list[Cause],
-    told: list[int],
+    free: list[int],
     first: Float,
     give: float,
 ) -> LackOfFit:
-    """What is left of a fit whose causes `told` are free; first (6,): the compliance with none of them free."""
+    """What is left of a fit whose causes `free` have no prior; first (6,): the compliance with none of them free."""
     residual = found.rows.residual[found.used][..., None]
     repeated, noise2, linear = _repeated(tests, loading, found)
     sure = estimator.standard_u(found.inverse)
@@ -160,11 +160,11 @@ def _lack(
     chance = freedom < 1 or lacking < noise2 * scipy.special.chdtri(freedom, CHANCE)
     words = [
         f"{causes[k].words.format(f'{found.at[6 + k]:+.3g}')} (± {sure[6 + k]:.2g}, {loading_u:.2g} was allowed for)"
-        for k, loading_u in ((k, causes[k].u) for k in told[:TOLD])
+        for k, loading_u in ((k, causes[k].u) for k in free[:MOST_NAMED])
     ]
     if give:
         words.insert(0, f"links that give across the axes of their joints, by some {give:.2g} % of what these give")
-    more = [f"and {len(told) - TOLD} more"] if len(told) > TOLD else []
+    more = [f"and {len(free) - MOST_NAMED} more"] if len(free) > MOST_NAMED else []
     bias = np.abs(found.inverse[:6, 6:]) * loading.u**-2.0
     return LackOfFit(
         "; ".join([*words, *more]),
@@ -280,9 +280,9 @@ def _of_displacement(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> 
 
     for k, axis in enumerate(AXES):
         way = np.eye(3)[k]
-        turned = {"moved": np.cross(way, tests.vectors).reshape(tests.moved.shape)}
+        rotated = {"moved": np.cross(way, tests.vectors).reshape(tests.moved.shape)}
         words = f"the displacements' axes turned by {{0}} deg about the base's {axis} axis"
-        yield Cause(words, DEG, TRACKED_TURN_U_DEG, turned)
+        yield Cause(words, DEG, TRACKED_TURN_U_DEG, rotated)
         every = f"a displacement of {{0}} mm along {axis} in every load"
         for words, unit, u, size in (
             (every, 1.0, noise, ever),

@@ -103,8 +103,8 @@ def way(chain: Chain, joints: Float, dq: Float, point_mm: Float) -> Float:
     """Displacement (..., 6) of a flange point when the joints turn by dq, however far."""
     before, after = forward_kinematics(chain, joints), forward_kinematics(chain, joints + dq)
     way = ((after - before) @ [*point_mm, 1.0])[..., :3]
-    turned = vector_from_rotation(after[..., :3, :3] @ before[..., :3, :3].mT)
-    return np.concatenate([way, turned], axis=-1)
+    rotation = vector_from_rotation(after[..., :3, :3] @ before[..., :3, :3].mT)
+    return np.concatenate([way, rotation], axis=-1)
 
 
 def tangent_stiffness(chain: Chain, stiffness: Float, joints: Float, point_mm: Float, wrench: Float) -> Float:

@@ -80,10 +80,10 @@ def equations(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Equatio
         return np.concatenate(each, axis=1), by_wrench, torque
 
     jacobian, by_wrench, torque = about(axes)
-    turned = motions(chain, tests.joints)[:, :6, :3, :3]
+    rotations = motions(chain, tests.joints)[:, :6, :3, :3]
     links = []
-    for aside in np.moveaxis(frame_about(chain.axes), 1, 0)[:2]:  # across each joint's axis
-        moved, _, moment = about((turned @ aside[:, :, None])[..., 0])
+    for cross_axis in np.moveaxis(frame_about(chain.axes), 1, 0)[:2]:  # across each joint's axis
+        moved, _, moment = about((rotations @ cross_axis[:, :, None])[..., 0])
         links.append(moved * moment[:, None, :])
     seen = np.isfinite(tests.moved)
     return Equations(

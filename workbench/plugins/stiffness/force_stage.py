@@ -208,7 +208,7 @@ def milling_force(
     radius, tooth = cutter.diameter_mm / 2, np.arange(cutter.flutes)
     behind = 2 * np.pi / cutter.flutes * tooth  # of the first tooth
     offset = teeth.runout_mm * np.cos(teeth.runout_angle - behind)
-    turned = 2 * np.pi * (np.arange(steps) + 0.5) / steps
+    spindle_angle = 2 * np.pi * (np.arange(steps) + 0.5) / steps
     met = np.broadcast_arrays(feed_per_tooth_mm, radial_mm, axial_mm)
     found = np.zeros((np.size(met[0]), steps, 4))
     for force, feed, radial, axial in zip(found, *(part.reshape(-1) for part in met), strict=True):
@@ -216,7 +216,7 @@ def milling_force(
             continue
         db, last = axial / SLICES, np.arccos(max(1.0 - radial / radius, -1.0))
         lag = np.tan(teeth.helix) * (np.arange(SLICES) + 0.5) * db / radius
-        phi = (turned[:, None, None] - behind[:, None] - lag) % (2 * np.pi)
+        phi = (spindle_angle[:, None, None] - behind[:, None] - lag) % (2 * np.pi)
         step, j, i = np.nonzero(phi <= last)
         angle, of = phi[step, j, i], coefficients.table
         chip = np.min([m * feed * np.sin(angle) + offset[j] - offset[j - m] for m in tooth + 1], axis=0)

@@ -34,7 +34,7 @@ from workbench.plugins.stiffness.values import JointStiffness, LoadingTests
 
 MISFIT = 3.0  # ratio of the residuals' variance to the noise's that asks for a reason, and that a reason must mend
 EXPLAINED = 0.3  # share of the displacements' square that may be left over, for a reading that makes sense
-TURNED = ("", -1.0)  # unit and factor: an axis reversed
+REVERSAL = ("", -1.0)  # unit and factor: an axis reversed
 LENGTHS = (("m", 1e3), ("micrometres", 1e-3))
 PLAUSIBLE_NM_PER_RAD = (3e3, 3e7)  # geometric mean over the joints of an industrial robot, with room on both sides
 COARSE = 5.0  # standard deviations of the noise: rounded to 0.1 mm of 0.015, stiffness was up to 4.5 u off
@@ -108,16 +108,16 @@ def _readings(chain: Chain, tests: LoadingTests) -> Iterator[tuple[str, LoadingT
     rotation = forward_kinematics(chain, tests.joints)[:, :3, :3]
     yield (
         "the wrench is in base axes, not in the sensor's",
-        replace(tests, wrench=_turned(tests.wrench, rotation.mT)),
+        replace(tests, wrench=_rotated(tests.wrench, rotation.mT)),
     )
     yield (
         "the displacement is in flange axes, not in the base's",
-        replace(tests, moved=_turned(tests.moved, rotation)),
+        replace(tests, moved=_rotated(tests.moved, rotation)),
     )
     yield from _units(tests)
 
 
-def _turned(values: Float, rotation: Float) -> Float:
+def _rotated(values: Float, rotation: Float) -> Float:
     """Rows (L, 3 k) of k vectors, turned by rotations (L, 3, 3)."""
     triples = np.einsum("lij,lkj->lki", rotation, values.reshape(len(values), -1, 3))
     return np.asarray(triples.reshape(values.shape))
@@ -140,10 +140,10 @@ def _factors(names: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], float, s
     """Columns, what brings them to the unit in their name, and the unit they would be in."""
     kgf, lbf = scipy.constants.kgf, scipy.constants.lbf
     mistaken = {  # by the unit in a column's name: what it may be in, and the factor that mends it
-        "n": (TURNED, ("kN", 1e3), ("mN", 1e-3), ("kgf", kgf), ("lbf", lbf)),
-        "nm": (TURNED, ("Nmm", 1e-3), ("kNm", 1e3), ("kgf m", kgf), ("kgf cm", 1e-2 * kgf)),
-        "mm": (TURNED, *LENGTHS),
-        "deg": (TURNED, ("rad", 180 / np.pi), ("mrad", 0.18 / np.pi)),
+        "n": (REVERSAL, ("kN", 1e3), ("mN", 1e-3), ("kgf", kgf), ("lbf", lbf)),
+        "nm": (REVERSAL, ("Nmm", 1e-3), ("kNm", 1e3), ("kgf m", kgf), ("kgf cm", 1e-2 * kgf)),
+        "mm": (REVERSAL, *LENGTHS),
+        "deg": (REVERSAL, ("rad", 180 / np.pi), ("mrad", 0.18 / np.pi)),
     }
     for suffix, mistakes in mistaken.items():
         group = tuple(name for name in names if name.rpartition("_")[2] == suffix)

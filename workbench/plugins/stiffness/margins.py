@@ -41,7 +41,7 @@ class Cuts:
         """So many at most, evenly."""
         return self.only(np.unique(np.linspace(0, len(self.at) - 1, count).astype(int)))
 
-    def turned(self, motion: Float) -> Cuts:
+    def in_motion(self, motion: Float) -> Cuts:
         """The points (m,) in c motions of the part (c, m, 4, 4) or (c, 1, 4, 4), one motion's after the other's."""
         frames = (motion @ self.base_from_tool).reshape(-1, 4, 4)
         push = (motion[..., :3, :3] @ self.force_n[..., None]).reshape(-1, 3)
@@ -115,9 +115,9 @@ def _by_depth(dynamics: Dynamics, cuts: Cuts, way: int, rule: Callable[[Dynamics
 
 
 def is_stable(
-    dynamics: Dynamics, cuts: Cuts, way: int, depth_mm: Float, beside: Sequence[float] = (1.0,), sure: float = 0.0
+    dynamics: Dynamics, cuts: Cuts, way: int, depth_mm: Float, speeds: Sequence[float] = (1.0,), sure: float = 0.0
 ) -> bool:
-    """Whether the judge finds no limit up to depths (m,), at the speed and at shares `beside` of it.
+    """Whether the judge finds no limit up to depths (m,), at the speed and at shares `speeds` of it.
 
     Below `sure` times a depth the screen's word is taken.
     """
@@ -126,7 +126,7 @@ def is_stable(
         np.isfinite(judged_limits(dynamics.at(i), replace(one, rpm=cuts.rpm * by), way, depth_mm[i])[0])
         for i in np.argsort(share).tolist()  # what fails, fails at once
         for one in [cuts.only(np.array([i]))]
-        for by in beside
+        for by in speeds
     )
 
 
@@ -164,7 +164,7 @@ class Steadiness:
         Where the margin itself is too small, U is not looked for: both are the same.
         """
         count = joints.shape[1]
-        cuts, flat = self.few.turned(motion), joints.reshape(-1, 6)
+        cuts, flat = self.few.in_motion(motion), joints.reshape(-1, 6)
         limit = screen_limits(cuts.dynamics(self.cell.chain, self.modes, flat), cuts, 0)
         margin = (limit / cuts.axial_mm).reshape(-1, count)
         worst, least = margin.argmin(axis=1) + count * np.arange(len(margin)), margin.min(axis=1)
@@ -176,7 +176,7 @@ class Steadiness:
     def holds(self, joints: Float, motion: Float) -> bool:
         """Whether the judge finds the margin less U everywhere: postures (n, 6) at all points, motions (n, 4, 4)."""
         some = self.cuts.spread(self.stations)
-        there, q = some.turned(motion[None, some.at]), joints[some.at]
+        there, q = some.in_motion(motion[None, some.at]), joints[some.at]
         needed = self.asked * np.exp(COVERAGE * self._u(there, q)) * there.axial_mm
         return is_stable(there.dynamics(self.cell.chain, self.modes, q), there, 0, needed)
 

@@ -22,7 +22,7 @@ DIRECTIONS = ("up", "down")  # as the path runs, and backwards
 A_LOBE = 8  # speeds across a lobe of the fastest mode
 FEWEST, MOST = 15, 61  # speeds that are looked at
 SURE = 0.5  # of the margin that is needed: below it the screen's word is taken, above the judge's
-BESIDE = (1.0, 0.97, 1.03)  # of a speed: a lobe that is narrower is not relied on
+SPEEDS = (1.0, 0.97, 1.03)  # of a speed: a lobe that is narrower is not relied on
 DEFLECTION_SHARE = 0.5  # of the root face's tolerance, as where programs are written
 
 
@@ -107,7 +107,7 @@ def choose(
             option = _option(toolpath, met, row, layers, time_s, np.where(final[:, None], give[:, 0], 0.0))
             fails = _beyond(cell, toolpath, option, bounds)
             needed = bounds.margin * np.exp(COVERAGE * bounds.u_log[row]) * met.axial_mm
-            if not fails and not is_stable(dynamics, met, row, needed, BESIDE, SURE):
+            if not fails and not is_stable(dynamics, met, row, needed, SPEEDS, SURE):
                 fails = "chatter"
             if not fails:
                 best[way] = option

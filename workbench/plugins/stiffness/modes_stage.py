@@ -48,7 +48,7 @@ CENTRE_U_MM, INERTIA_U = 30.0, 0.2  # of each link's centre of mass, along each 
 LOCAL_U_M_N = 1e-8  # what gives beside the joints, along each axis of the forces
 GAIN_U, DELAY_U_S = 0.03, 1e-4  # of hammer and pick-up together; of one against the other
 LEAST = 1e-3  # of these, for a robot that is exactly as stated
-JOINTS, LINKS, BESIDE = 18, 42, 5  # unknowns up to the joints' and the links'; beside: local give, gain, delay
+JOINTS, LINKS, MEASUREMENT = 18, 42, 5  # unknowns up to the joints' and links'; of a tap: local give, gain, delay
 SCALES = {1e3: "in 1/mm or mm", 1e-3: "in mm, not m", 9.80665: "in g, not m/s2", 1 / 9.80665: "in g, not m/s2"}
 
 
@@ -155,7 +155,7 @@ class _Taps:
     ) -> None:
         """`prior`: standard uncertainties (18,) of the joints'; as_built_u: likewise of all other unknowns."""
         self.chain, self.start, self.tests, self.relative_u = chain, start, tests, relative_u
-        self.prior = np.append(prior, np.full(LINKS + BESIDE - len(prior), max(as_built_u, LEAST)))
+        self.prior = np.append(prior, np.full(LINKS + MEASUREMENT - len(prior), max(as_built_u, LEAST)))
         flange = forward_kinematics(chain, tests.joints)[:, :3, :3]
         turn = np.where(tests.in_flange[:, None, None], flange, np.eye(3))
         linear = np.array([jacobian(chain, q, at)[:3] for q, at in zip(tests.joints, tests.point_mm, strict=True)]) / MM
@@ -197,8 +197,8 @@ class _Taps:
         tests = self.tests
         value, change = self.compliance(at)
         heard = np.full(len(value), GAIN_U), -2j * np.pi * tests.hz * DELAY_U_S
-        beside = np.column_stack([LOCAL_U_M_N * tests.to * tests.by / value[:, None], *heard])
-        parts = np.column_stack([np.log(tests.value / value), change / value[:, None], beside])
+        measurement = np.column_stack([LOCAL_U_M_N * tests.to * tests.by / value[:, None], *heard])
+        parts = np.column_stack([np.log(tests.value / value), change / value[:, None], measurement])
         off, slope = np.split(np.stack([parts.real, parts.imag], axis=1), [1], axis=2)
         left, values = off[..., 0] - slope[..., LINKS:] @ at[LINKS:], np.full(len(value), 2.0)
         size = np.abs(tests.value)

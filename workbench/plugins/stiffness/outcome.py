@@ -207,7 +207,7 @@ def posture_chapter(cell: Cell, found: Found, toolpath: Toolpath) -> Chapter:
     """Map, comparison, robot before and after, displacement along the path."""
     made, shown = found.postures, robots(cell, found)
     above = "" if found.gap is None else f", {100 * found.gap:.1f} % above the best posture of each single point"
-    beside = "" if found.asked is None else "; beside it the margin from chatter, limit over depth"
+    margin_words = "" if found.asked is None else "; beside it the margin from chatter, limit over depth"
     summary = (
         f"Postures for {len(found.points.layer)} points: {mean_of(found)}{above}; least clearance "
         f"{np.nanmin(made.clearance_mm, initial=np.inf):.0f} mm"
@@ -222,7 +222,7 @@ def posture_chapter(cell: Cell, found: Found, toolpath: Toolpath) -> Chapter:
         + pieces.heading(f"Mean {found.measure.name} over cutter rotation and turntable angle")
         + pieces.figure_html(
             map_picture(found),
-            f"Map of the mean {found.measure.name}, with the chosen postures{beside}",
+            f"Map of the mean {found.measure.name}, with the chosen postures{margin_words}",
             "",
             ((SHADES[c], CAUSES[c] or "") for c in range(1, len(SHADES)) if (found.map.cause == c).any()),
         )
@@ -329,12 +329,12 @@ def map_picture(found: Found) -> bytes:
 def _mark(every: Sequence[plot.Axes], found: Found, *, flat: bool) -> None:
     """The choice, and the pairs that it is compared with; on the margin's map the choice alone."""
     for axes in every[:1] if flat else every:
-        told: dict[tuple[float, float], list[str]] = {}
+        labels: dict[tuple[float, float], list[str]] = {}
         for name, case in found.cases.items():
             if case is not None and (axes is every[0] or name == "best"):
                 at = case.rotation / DEG, case.cost.mean() if flat else case.table / DEG
-                told.setdefault(at, []).append(name)
-        for at, names in told.items():
+                labels.setdefault(at, []).append(name)
+        for at, names in labels.items():
             for colour, size in ((pieces.INK, 7.0), ("#ffffff", 5.0)):
                 axes.points(*at, "o", color=colour, markersize=size)
             axes.annotate(", ".join(names), at, (6.0, -3.0), look=plot.ON_WHITE)

@@ -90,7 +90,7 @@ class PathPoints:
         """Motions (..., 4, 4) in the base of what stands on the external axes when they go to these values, rad."""
         return turntable_pose(cell, external) @ inverse(turntable_pose(cell, self.planned))
 
-    def turned(self, cell: Cell, table: Float, at: Int) -> Float:
+    def motion(self, cell: Cell, table: Float, at: Int) -> Float:
         """`moved` at points `at` (...) with the outermost axis at `table` (...), rad; both broadcast."""
         steady = bool((self.drift == self.drift[:1]).all())
         return self.moved(cell, self.external(table, np.zeros((1,) * np.ndim(at), int) if steady else at))

@@ -135,16 +135,16 @@ def lowest(arm: AnyArm, cell: Cell, points: PathPoints, rotations: Float, tables
 
 def placed(cell: Cell, points: PathPoints, tables: Float) -> LoadedPath:
     """The path where the turntable brings it, for each of its angles (a,)."""
-    turned = points.turned(cell, tables[:, None], np.arange(len(points.layer))[None])
-    at = turned @ points.base_from_point
-    force = (turned[..., :3, :3] @ points.force_n[..., None])[..., 0]
+    motion = points.motion(cell, tables[:, None], np.arange(len(points.layer))[None])
+    at = motion @ points.base_from_point
+    force = (motion[..., :3, :3] @ points.force_n[..., None])[..., 0]
     return LoadedPath(cell.flange_from_cutter, at @ points.point_from_tip, at[..., :3, 3], force)
 
 
 def flange_poses(cell: Cell, points: PathPoints, at: Int, rotation: Float, table: Float) -> Float:
     """Poses of the flange (..., 4, 4) at points (...), with cutter and turntable turned by (...); all broadcast."""
     tool = turn_about_z(rotation) @ inverse(cell.flange_from_cutter)
-    return points.turned(cell, table, at) @ (points.base_from_point[at] @ points.point_from_tip) @ tool
+    return points.motion(cell, table, at) @ (points.base_from_point[at] @ points.point_from_tip) @ tool
 
 
 def words_of(arm: AnyArm, chain: Chain) -> list[tuple[str, ...]]:
@@ -166,10 +166,10 @@ class Examiner:
         self.keeps = keeps
         self.whole, self.cell, self.arm, self.points = cell, within_margins(cell), arm, points
         self.screen = CollisionScreen(self.cell)
-        beside = -1 if cell.turntable is None else 7  # values of `Shape.link`: what stands still with the part
+        part_link = -1 if cell.turntable is None else 7  # values of `Shape.link`: what stands still with the part
         links = np.array([[cell.shapes[i].link for i in pair] for pair in self.screen.model.pairs]).reshape(-1, 2)
         # of pairs, which are of the tool and of what goes with the part
-        self.on_part = (links == 6).any(axis=1) & (links == beside).any(axis=1)
+        self.on_part = (links == 6).any(axis=1) & (links == part_link).any(axis=1)
         self.dense = points.densified(STATION_MM)  # as the tool goes from point to point
 
     def _back(self, flange: Float, distance_mm: float) -> Float:
@@ -257,7 +257,7 @@ class Examiner:
     def _stations(self) -> Int:
         """Points of the path, in their order, so near each other that what lies between them is nearly a chord."""
         every, lever = np.arange(len(self.dense.layer)), self.points.point_from_tip[:3, 3]
-        poses = self.dense.turned(self.cell, np.zeros(1), every) @ self.dense.base_from_point
+        poses = self.dense.motion(self.cell, np.zeros(1), every) @ self.dense.base_from_point
         at = poses[:, :3, 3] + poses[:, :3, :3] @ lever
         there = np.column_stack([at, LEVER_MM * poses[:, :3, :3].reshape(-1, 9), self.dense.drift / DEG])
         chosen, n = [0], len(there)
@@ -314,9 +314,9 @@ class Examiner:
             for share in np.linspace(1.0, 0.0, HOME_PLACES):
                 left = hit[rows] < 0
                 here = rows[left]
-                turned = self.points.external(table[here], at[here])
-                stands = np.array([turntable_at_home(process.home, one / DEG) for one in turned]).reshape(turned.shape)
-                external = stands * DEG + share * (turned - stands * DEG)
+                target = self.points.external(table[here], at[here])
+                stands = np.array([turntable_at_home(process.home, one / DEG) for one in target]).reshape(target.shape)
+                external = stands * DEG + share * (target - stands * DEG)
                 hit[here] = self.screen.hits(home + share * (joints[left] - home), external)
             said[rows[hit[rows] >= 0]] = COLLISION
         return said, hit
@@ -327,10 +327,10 @@ class Examiner:
         if cause != FREE:
             return joints, cause, hit
         external = self.points.external(np.full(len(joints), table), np.arange(len(joints)))
-        told = refusal(self.whole, joints, external, self.points.feed_mm_s, int(self.points.cutting.argmax()))
-        if told is None:
+        reason = refusal(self.whole, joints, external, self.points.feed_mm_s, int(self.points.cutting.argmax()))
+        if reason is None:
             return joints, FREE, -1
-        kind, pair = told
+        kind, pair = reason
         cause = CAUSES.index(kind) if kind in CAUSES else LIMIT
         return joints, cause, self.screen.which(pair) if cause == COLLISION else -1
 
@@ -343,7 +343,7 @@ class Examiner:
             of = at[None], rotation[some, None], table[some, None]
             flange = flange_poses(self.cell, self.points, *of).reshape(-1, 4, 4)
             joints = self.arm.joint_angles(flange, which).reshape(len(some), len(at), 6)
-            found[:, some] = self.keeps.margins(joints, self.points.turned(self.cell, of[2], of[0]))
+            found[:, some] = self.keeps.margins(joints, self.points.motion(self.cell, of[2], of[0]))
         return found
 
     def steady(self, joints: Float, table: float) -> bool:
@@ -351,7 +351,7 @@ class Examiner:
         if self.keeps is None:
             return True
         return self.keeps.holds(
-            joints, self.points.turned(self.cell, np.full(len(joints), table), np.arange(len(joints)))
+            joints, self.points.motion(self.cell, np.full(len(joints), table), np.arange(len(joints)))
         )
 
     def cost(self, joints: Float, table: Float, at: Int) -> Float:
@@ -364,9 +364,9 @@ class Examiner:
         """Displacement (m, 3), base axes, at points `at` (m,) with joints (m, 6); NaN where no springs are known."""
         if isinstance(self.arm, Unsprung):
             return np.full((len(at), 3), np.nan)
-        turned = self.points.turned(self.cell, table, at)
-        push = (turned[:, :3, :3] @ self.points.force_n[at, :, None])[:, :, 0]
-        place = (turned @ self.points.base_from_point[at])[:, :3, 3]
+        motion = self.points.motion(self.cell, table, at)
+        push = (motion[:, :3, :3] @ self.points.force_n[at, :, None])[:, :, 0]
+        place = (motion @ self.points.base_from_point[at])[:, :3, 3]
         return pushed(self.cell.chain, self.arm.springs, joints, place, push)
 
     def poor(self, joints: Float) -> Int:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.force_file import read_forces, recognises, told
+from workbench.force_file import read_forces, recognises, summary
 
 HEAD = ["DynoWare,Version 2.5.1.2", "Sampling rate [Hz]:,1000", "Time,Fx,Fy", "s,N,kN"]
 
@@ -26,8 +26,8 @@ def test_channels_come_in_newtons(tmp_path: Path) -> None:
     assert found.unit == ("N", "N")
     assert found.rate_hz == pytest.approx(1000.0)
     assert found.value[:, 1] == pytest.approx(np.full(500, 2.0))
-    assert "mean 30 N" in told(found)[1]
-    assert "strongest at 50 Hz" in told(found)[1]
+    assert "mean 30 N" in summary(found)[1]
+    assert "strongest at 50 Hz" in summary(found)[1]
 
 
 def test_semicolons_and_decimal_commas(tmp_path: Path) -> None:

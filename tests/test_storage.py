@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from workbench.storage import as_text, beside, require_space
+from workbench.storage import as_text, partial_path, require_space
 
 
 def test_a_small_file_fits(tmp_path: Path) -> None:
@@ -36,7 +36,7 @@ def test_what_killed_processes_left_goes_and_what_living_ones_write_stays(tmp_pa
     ]
     for name in names:
         (tmp_path / name).touch()
-    assert beside(tmp_path / "part.h5").name == names[1]
+    assert partial_path(tmp_path / "part.h5").name == names[1]
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names[1:])
 
 

@@ -35,7 +35,7 @@ STEADY_MM, STEADY_DEG = 0.05, 0.1  # by which one section may vary along an edge
 STATIONS = 12  # along a piece, at which the section is looked at
 SAMPLES = 201  # along a curve
 CHORD_MM, TURN_RAD = 0.002, 0.35  # by which triangles leave the surface, at most
-TOLD = 12
+MOST_NAMED = 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +53,7 @@ class NominalEdge:
         """Along the points."""
         return float(chords_mm(self.points_mm).sum())
 
-    def told(self) -> str:
+    def summary(self) -> str:
         """The edge in words."""
         ends = " to ".join("({:.6g}, {:.6g}, {:.6g})".format(*self.points_mm[k] + 0.0) for k in (0, -1))
         thickness, root, bevel = (_span(one) for one in (self.thickness_mm, self.root_mm, self.bevel_deg))
@@ -97,12 +97,12 @@ def nominal_edge(path: Path, number: int | None) -> NominalEdge:
     """
     edges = nominal_edges(path)
     if (number is None and len(edges) > 1) or not 1 <= (number or 1) <= len(edges):
-        there = "; ".join(f"{k}: {one.told()}" for k, one in enumerate(edges[:TOLD], 1))
+        there = "; ".join(f"{k}: {one.summary()}" for k, one in enumerate(edges[:MOST_NAMED], 1))
         wanted = "edge_number of one edge" if number is None else f"edge_number from 1 to {len(edges)}, found {number}"
         raise InputError(str(path), f"expected {wanted}; there are {there}")
     edge = edges[(number or 1) - 1]
     if max(np.ptp(edge.thickness_mm), np.ptp(edge.root_mm)) > STEADY_MM or np.ptp(edge.bevel_deg) > STEADY_DEG:
-        raise InputError(str(path), f"expected one section along the edge, found {edge.told()}")
+        raise InputError(str(path), f"expected one section along the edge, found {edge.summary()}")
     return edge
 
 

@@ -33,7 +33,7 @@ UNCERTAINTIES = (  # in the D-SI's second and first version: value, coverage fac
 )
 ERRORS = ("error", "deviation", "factor", "fehler", "abweichung", "faktor")  # of what they are told of: scale error
 # Words that change nothing in what a name speaks of, as numbers and single letters; those of other quantities.
-BESIDE = (
+FILLERS = (
     "of|an|the|in|along|across|at|for|with|and|der|des|die|das|von|vom|im|bei|am|axis|axes|achse|direction|"
     "richtung|relativ|absolut|non|nicht|max|maximum|mean|mittler|measured|calibrated|gemessen|kalibriert|"
     "reference|referenz|sensor|profiler|laser|scanner|instrument|thermometer|sphere|ball|kugel|range|"
@@ -52,7 +52,7 @@ class Asked(NamedTuple):
     """What is looked for: words (folded: 'massstab') of which a name holds one, others that it may hold beside them."""
 
     words: tuple[str, ...]
-    beside: tuple[str, ...] = ()
+    fillers: tuple[str, ...] = ()
     stems: tuple[str, ...] = ()  # a name with one of these that is not understood is refused
 
 
@@ -97,7 +97,7 @@ def certified_errors(path: Path, asked: Asked, units: Mapping[str, float]) -> Er
         InputError: no such file, no DCC, several such quantities, one without an uncertainty or in another unit.
     """
     root = _parsed(path)
-    if not any(_is_told(one, asked) for one in _results(root)):
+    if not any(_matches(one, asked) for one in _results(root)):
         return None
     value, u = zip(*_points(_the_one(root, asked, path), units, path), strict=True)
     if units is RATIOS and min(value) > 0.5:  # ratios, not deviations from one
@@ -113,7 +113,7 @@ def left_out(path: Path, *asked: Asked) -> tuple[str, ...]:
         InputError: no such file, no DCC, or a result that may be what was asked for and is not understood.
     """
     root = _parsed(path)
-    others = [one for one in _results(root) if not any(_is_told(one, each) for each in asked)]
+    others = [one for one in _results(root) if not any(_matches(one, each) for each in asked)]
     for one in others:
         said = " ".join(_said(one))
         if any(stem in said for each in asked for stem in each.stems) and not APART.search(said):
@@ -124,8 +124,8 @@ def left_out(path: Path, *asked: Asked) -> tuple[str, ...]:
 
 def _value(quantity: ElementTree.Element) -> str:
     real, many = next(_reals(quantity))
-    told = (real.findtext(f"{SI}{tag}{many}", "").replace("\\", " ").split() for tag in ("value", "unit"))
-    return " ".join(" ".join(words)[:40] for words in told)
+    parts = (real.findtext(f"{SI}{tag}{many}", "").replace("\\", " ").split() for tag in ("value", "unit"))
+    return " ".join(" ".join(words)[:40] for words in parts)
 
 
 def names_of(path: Path) -> str:
@@ -138,7 +138,7 @@ def _listed(quantities: list[ElementTree.Element]) -> str:
 
 
 def _the_one(root: ElementTree.Element, asked: Asked, path: Path) -> ElementTree.Element:
-    found = [one for one in _results(root) if _is_told(one, asked)]
+    found = [one for one in _results(root) if _matches(one, asked)]
     if len(found) != 1:
         expected = f"expected one quantity '{asked.words[0]}' with a real value among the results, found {len(found)}"
         raise InputError(str(path), f"{expected} (there: {_listed(found or [*_results(root)])})")
@@ -181,26 +181,26 @@ def _results(root: ElementTree.Element) -> Iterator[ElementTree.Element]:
 
 
 def _names(quantity: ElementTree.Element) -> str:
-    told = [each.text or "" for each in quantity.iterfind(f"{DCC}name/{DCC}content")]
-    return " / ".join(one.strip() for one in (*told, quantity.get("refType", "")) if one.strip()) or "without a name"
+    names = [each.text or "" for each in quantity.iterfind(f"{DCC}name/{DCC}content")]
+    return " / ".join(one.strip() for one in (*names, quantity.get("refType", "")) if one.strip()) or "without a name"
 
 
-def _is_told(quantity: ElementTree.Element, asked: Asked) -> bool:
+def _matches(quantity: ElementTree.Element, asked: Asked) -> bool:
     """Whether a `refType` or a name speaks of what is asked for and of nothing else: 'Lot 3, scale error of z' does.
 
     Plurals, cases and compounds of known words are known: 'Maßstabsfehler'.
     """
     said = _said(quantity)
-    known = re.compile(f"(?:(?:{'|'.join((*asked.words, *asked.beside, BESIDE))})(?:e?[nrs]|e)?)+")
-    told = (any(word in one for word in asked.words) and all(map(known.fullmatch, one.split())) for one in said)
-    return any(told) and not APART.search(" ".join(said))
+    known = re.compile(f"(?:(?:{'|'.join((*asked.words, *asked.fillers, FILLERS))})(?:e?[nrs]|e)?)+")
+    matches = (any(word in one for word in asked.words) and all(map(known.fullmatch, one.split())) for one in said)
+    return any(matches) and not APART.search(" ".join(said))
 
 
 def _said(quantity: ElementTree.Element) -> list[str]:
     """The words, folded, of each `refType` and each name; one longer than any known is two."""
     names = (one.text or "" for one in quantity.iterfind(f"{DCC}name/{DCC}content"))
-    told = (*quantity.get("refType", "").split(), *names)
-    folded = (CAMEL.sub(" ", one).casefold().translate(UMLAUTS) for one in told)
+    texts = (*quantity.get("refType", "").split(), *names)
+    folded = (CAMEL.sub(" ", one).casefold().translate(UMLAUTS) for one in texts)
     return [" ".join(re.findall(r"[^\W\d_]{2,40}", one)).replace("full scale", "full range") for one in folded]
 
 
@@ -214,8 +214,8 @@ def _reals(quantity: ElementTree.Element) -> Iterator[tuple[ElementTree.Element,
 def _points(quantity: ElementTree.Element, units: Mapping[str, float], path: Path) -> list[tuple[float, float]]:
     """Values and standard uncertainties in the first unit that is known."""
     for real, many in _reals(quantity):
-        told = {unit.strip() for unit in real.findtext(f"{SI}unit{many}", "").split()}
-        if len(told) != 1 or (unit := told.pop()) not in units:
+        unit_names = {unit.strip() for unit in real.findtext(f"{SI}unit{many}", "").split()}
+        if len(unit_names) != 1 or (unit := unit_names.pop()) not in units:
             continue
         where = f"{path}: {_names(quantity)} in {unit}"
         values = _numbers(real, f"value{many}", where)

@@ -65,17 +65,17 @@ def refuse_unloadable(status: int, said: str) -> None:
     if missing := why.startswith("No module named") and not_installed(name):
         raise missing
     lacking = MISSING.match(why)
-    told = f"the shared library {lacking[1]} is missing" if lacking else why
-    raise InputError(name, f"cannot be loaded: {told}; scripts/setup.sh installs it")
+    cause = f"the shared library {lacking[1]} is missing" if lacking else why
+    raise InputError(name, f"cannot be loaded: {cause}; scripts/setup.sh installs it")
 
 
 @contextmanager
 def read_by(
-    reader: str, file: Path, made: str, seconds: float | None = None, told: str = ""
+    reader: str, file: Path, made: str, seconds: float | None = None, request: str = ""
 ) -> Iterator[tuple[int, str, Path]]:
     """Run the script `reader FILE OUT`, since damaged files crash libraries: its exit status, what it said, and OUT.
 
-    What it is told stands on its standard input.
+    The `request` stands on its standard input.
 
     OUT is named `made`, in a folder that is gone afterwards.
 
@@ -87,7 +87,7 @@ def read_by(
         out = Path(folder) / made
         child = subprocess.run(
             [sys.executable, "-P", reader, str(file.absolute()), str(out)],
-            input=told.encode(),
+            input=request.encode(),
             capture_output=True,
             check=False,
             cwd=folder,

@@ -17,7 +17,7 @@ from typing import NoReturn, TextIO
 from workbench.commands import COMMANDS, build_parser, default_out, parse
 
 
-def set_aside(argv: list[str]) -> None:
+def supersede(argv: list[str]) -> None:
     """After a run that failed: no earlier result may stand where a reader takes it for this run's."""
     from workbench.errors import WorkbenchError, one_line
     from workbench.pipeline.output import OutputDirectory
@@ -28,12 +28,12 @@ def set_aside(argv: list[str]) -> None:
         with contextlib.suppress(WorkbenchError, SystemExit):
             out = default_out(parse(argv, COMMANDS).pipeline)
     try:
-        aside = OutputDirectory(out).supersede() if out and argv[0] == "run" else None
+        folder = OutputDirectory(out).supersede() if out and argv[0] == "run" else None
     except WorkbenchError:
         return  # not writable: the error line says so
-    if aside:
+    if folder:
         with contextlib.suppress(OSError):
-            print(one_line(f"note: the results of an earlier run were moved to {aside}"), file=sys.stderr)
+            print(one_line(f"note: the results of an earlier run were moved to {folder}"), file=sys.stderr)
 
 
 def complain(error: Exception, traceback: bool) -> int:
@@ -133,5 +133,5 @@ def answered(argv: list[str]) -> int:
     except Exception as error:
         status = complain(error, "--traceback" in argv)
         if getattr(error, "supersedes", True):
-            set_aside(argv)
+            supersede(argv)
         return status

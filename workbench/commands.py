@@ -237,15 +237,15 @@ def run(options: argparse.Namespace) -> int:
     load_plugins(options)
     unprintable: list[StreamError] = []
 
-    class Told(Lines):
+    class EarlyVerdict(Lines):
         def known(self, results: Any) -> None:
-            """Tell the verdict before the pictures are drawn; the results are written even if nobody can be told."""
+            """Print the verdict before the pictures are drawn; the results are written even if nobody can read it."""
             try:
                 printed(print_findings, results)
             except StreamError as error:
                 unprintable.append(error)
 
-    lines, out = Told(sys.stderr), default_out(options.pipeline) if options.out is None else options.out
+    lines, out = EarlyVerdict(sys.stderr), default_out(options.pipeline) if options.out is None else options.out
     check_store(options)
     inputs, settings = assignments(options.input, "--input"), assignments(options.set, "--set")
     try:

@@ -116,7 +116,7 @@ def _sampled(table: Float, names: list[str], units: list[str], path: Path) -> Fo
     return Forces(time, table[:, 1:] * scale, tuple(names[1:]), shown, rate)
 
 
-def told(forces: Forces) -> list[str]:
+def summary(forces: Forces) -> list[str]:
     """Duration, rate, and of each channel mean, standard deviation, extremes and strongest frequency."""
     span = float(forces.time_s[-1] - forces.time_s[0])
     rows = [f"samples: {len(forces.time_s)} at {forces.rate_hz:.6g} Hz, {span:.6g} s, {len(forces.channel)} channels"]

@@ -154,9 +154,9 @@ def text_element(
     bold = f' font-weight="{look.weight}"' if look.weight != "normal" else ""
     halo = ' stroke="white" stroke-width="3" paint-order="stroke"' if look.box else ""
     lines = "".join(f'<tspan x="0" y="{pt(first + k * step)}">{escape(row)}</tspan>' for k, row in enumerate(rows))
-    turned = f" rotate({pt(-look.rotation)})" if look.rotation else ""
+    rotation = f" rotate({pt(-look.rotation)})" if look.rotation else ""
     return (
-        f'<text transform="translate({pt(x)} {pt(y)}){turned}" font-size="{pt(size)}" text-anchor="{anchor}" '
+        f'<text transform="translate({pt(x)} {pt(y)}){rotation}" font-size="{pt(size)}" text-anchor="{anchor}" '
         f'fill="{code(look.ink)}"{bold}{halo}>{lines}</text>'
     )
 

@@ -104,13 +104,13 @@ class Figure:
                 if sharey:
                     one.shared["y"], one.labelled["y"] = first.shared["y"], j == 0
         self._grid.append((grid, height_ratios or [1.0] * rows))
-        beside, under = columns * GAPS[sharey], rows * GAPS[sharex]
+        across, under = columns * GAPS[sharey], rows * GAPS[sharex]
         self.subplots_adjust(
             LEFT / self.width,
             BELOW / self.height,
             1.0 - RIGHT / self.width,
             1.0 - ABOVE / self.height,
-            wspace=beside / (self.width - LEFT - RIGHT + GAPS[sharey] - beside),
+            wspace=across / (self.width - LEFT - RIGHT + GAPS[sharey] - across),
             hspace=under / (self.height - ABOVE - BELOW + GAPS[sharex] - under),
         )
         return np.array(grid, dtype=object) if not squeeze else [one for row in grid for one in row]

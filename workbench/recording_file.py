@@ -13,7 +13,7 @@ import numpy as np
 
 from workbench.artefacts import PartNames, Recording
 from workbench.errors import OutputError
-from workbench.storage import beside, new_hdf5
+from workbench.storage import new_hdf5, partial_path
 from workbench.units import AnyArray
 
 CHUNK_BYTES = 2**18  # of one data set: large enough to compress well, small enough for the cache
@@ -53,7 +53,7 @@ def write(
         ...     scan.read(recording=copy).z_mm.shape == recording.z_mm.shape
         True
     """
-    partial = beside(path)
+    partial = partial_path(path)
     grids = Frames(recording.x_mm, recording.z_mm, recording.intensity)
     try:
         fill(partial, recording, [grids], compression)

@@ -159,7 +159,7 @@ def digest_of(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def beside(path: Path) -> Path:
+def partial_path(path: Path) -> Path:
     """A name to write to before it is renamed to `path`; what killed processes left under such names is removed."""
     start = f".{path.name}.partial-"
     with suppress(OSError):
@@ -210,7 +210,7 @@ def encoding_slip(error: UnicodeDecodeError) -> str:
 
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file that is never seen half-written. Raises OutputError."""
-    part = beside(path)
+    part = partial_path(path)
     try:
         try:
             part.write_bytes(content)
@@ -267,8 +267,8 @@ def _check_needed(path: Path, header: list[str], needed: Sequence[str]) -> None:
     if needed and not header:
         raise InputError(str(path), f"expected a header with the columns {', '.join(needed)}")
     for name in (one for one in needed if one not in header):
-        parted = ": are cells parted by commas, decimals by points?" if len(header) == 1 else ""
-        raise InputError(f"{path}: header", f"expected the column '{name}'{parted}")
+        hint = ": are cells parted by commas, decimals by points?" if len(header) == 1 else ""
+        raise InputError(f"{path}: header", f"expected the column '{name}'{hint}")
 
 
 def csv_rows(path: Path, max_bytes: int, known: Sequence[str] = ()) -> list[tuple[str, dict[str, str]]]:

@@ -8,8 +8,8 @@ import pytest
 
 from bench.drawn.swept import random_swept_recipe
 from bench.simulators.swept import simulate_swept
+from workbench.look.content import measured
 from workbench.look.recorded import judged
-from workbench.look.seen import measured
 from workbench.scan import read
 
 SYNTHETIC = Path(__file__).parents[2] / "data" / "synthetic"

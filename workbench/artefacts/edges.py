@@ -125,17 +125,17 @@ def u_name(size: str) -> str:
 Required = Mapping[str, tuple[float, tuple[float, float]]]  # by size: nominal, deviations lower <= 0 <= upper
 
 
-def required_in_file(told: Mapping[str, Any]) -> Required:
+def required_in_file(requirements: Mapping[str, Any]) -> Required:
     """What result files require, of a bevel as `root_nominal_mm`, of a joint as `gap_mm`, each with its tolerance.
 
     >>> required_in_file({"gap_mm": 2, "gap_tolerance_mm": [-0.5, 0.5]})
     {'gap_mm': (2.0, (-0.5, 0.5))}
     """
     found = {}
-    for key, pair in told.items():
+    for key, pair in requirements.items():
         stem, here, unit = key.rpartition("_tolerance_")
         if here and pair is not None:
-            nominal = told.get(f"{stem}_nominal_{unit}", told.get(f"{stem}_{unit}"))
+            nominal = requirements.get(f"{stem}_nominal_{unit}", requirements.get(f"{stem}_{unit}"))
             found[f"{stem}_{unit}"] = float(nominal), (float(pair[0]), float(pair[1]))
     return found
 

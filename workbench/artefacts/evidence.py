@@ -45,8 +45,8 @@ class Unseen:
     @property
     def told(self) -> str:
         """The sentence with its sizes."""
-        told = ", ".join(f"{COSTS[name][0]} {cost:.2g} {COSTS[name][1]}" for name, cost in self.costs.items() if cost)
-        return f"{self.sentence.rstrip('.')} ({told})." if told else self.sentence
+        costs = ", ".join(f"{COSTS[name][0]} {cost:.2g} {COSTS[name][1]}" for name, cost in self.costs.items() if cost)
+        return f"{self.sentence.rstrip('.')} ({costs})." if costs else self.sentence
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,8 +58,8 @@ def brief(value: Any) -> str:
     if is_dataclass(value):
         return f"{type(value).__name__}(...)"
     if isinstance(value, Mapping):
-        told = [f"{key}: {brief(one)}" for key, one in list(value.items())[:MOST_KEYS]]
-        return "{" + ", ".join([*told, *(["..."] if len(value) > MOST_KEYS else [])]) + "}"
+        items = [f"{key}: {brief(one)}" for key, one in list(value.items())[:MOST_KEYS]]
+        return "{" + ", ".join([*items, *(["..."] if len(value) > MOST_KEYS else [])]) + "}"
     if isinstance(value, tuple | list) and any(is_dataclass(one) or isinstance(one, np.ndarray) for one in value):
         return f"{len(value)} x {type(value[0]).__name__}"
     if callable(value) or repr(value) == object.__repr__(value):
@@ -68,7 +68,7 @@ def brief(value: Any) -> str:
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
 
-def _told(self: Any) -> list[tuple[str, str]]:
+def _rows(self: Any) -> list[tuple[str, str]]:
     """Fields with something in them, briefly."""
     values = ((one.name, getattr(self, one.name)) for one in fields(self))
     return [(name, brief(value)) for name, value in values if not _empty(value)]
@@ -79,12 +79,12 @@ def _empty(value: Any) -> bool:
 
 
 def _line(self: Any) -> str:
-    return f"{type(self).__name__}({', '.join(f'{name}={text}' for name, text in _told(self))})"
+    return f"{type(self).__name__}({', '.join(f'{name}={text}' for name, text in _rows(self))})"
 
 
 def _page(self: Any) -> str:
     """Fields; of what has `more_html`, that first."""
-    rows = (f"<tr><th {CELL}>{name}</th><td {CELL}>{html.escape(text)}</td></tr>" for name, text in _told(self))
+    rows = (f"<tr><th {CELL}>{name}</th><td {CELL}>{html.escape(text)}</td></tr>" for name, text in _rows(self))
     more = getattr(self, "more_html", str)()
     return f"{more}<table><caption>{type(self).__name__}</caption>{''.join(rows)}</table>"
 
@@ -126,7 +126,7 @@ def space_scene(*lines: tuple[str, Float], points_mm: Float | None = None) -> An
     """
     import pyvista as pv
 
-    class Shown(pv.Plotter):
+    class NotebookScene(pv.Plotter):
         def _repr_png_(self) -> bytes:
             from PIL import Image
 
@@ -135,7 +135,7 @@ def space_scene(*lines: tuple[str, Float], points_mm: Float | None = None) -> An
             return out.getvalue()
 
     screen = sys.platform in ("darwin", "win32") or bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())
-    scene: Any = Shown(off_screen=not screen, window_size=SCENE_PX)
+    scene: Any = NotebookScene(off_screen=not screen, window_size=SCENE_PX)
     if points_mm is not None:
         some = points_mm[:: max(1, len(points_mm) // MOST_POINTS)]
         scene.add_points(some, scalars=some[:, 2], scalar_bar_args={"title": "z, mm"}, point_size=3.0)
@@ -153,13 +153,13 @@ def chart(rows: float = 1.0) -> Any:
     """An empty matplotlib Figure, `rows` charts high, that a notebook shows without any set-up."""
     from matplotlib.figure import Figure
 
-    class Shown(Figure):
+    class NotebookFigure(Figure):
         def _repr_png_(self) -> bytes:
             out = io.BytesIO()
             self.savefig(out, format="png", dpi=100)
             return out.getvalue()
 
-    return Shown(figsize=(CHART_INCHES[0], CHART_INCHES[1] * rows), layout="constrained")
+    return NotebookFigure(figsize=(CHART_INCHES[0], CHART_INCHES[1] * rows), layout="constrained")
 
 
 class AlongTheEdge:

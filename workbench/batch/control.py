@@ -72,17 +72,17 @@ def rules(value: Float, centre: float, sigma: float) -> dict[int, Bool]:
     turn = step[1:] * step[:-1] < 0
     return {
         1: np.abs(z) > 3,
-        2: _either(lambda side: _of(side * z > 0, 9, 9)),
-        3: _either(lambda side: _shifted(_of(side * step > 0, 5, 5), 1)),
+        2: _one_sided(lambda side: _of(side * z > 0, 9, 9)),
+        3: _one_sided(lambda side: _shifted(_of(side * step > 0, 5, 5), 1)),
         4: _shifted(_of(turn, 12, 12), 2),
-        5: _either(lambda side: _of(side * z > 2, 2, 3) & (side * z > 2)),
-        6: _either(lambda side: _of(side * z > 1, 4, 5) & (side * z > 1)),
+        5: _one_sided(lambda side: _of(side * z > 2, 2, 3) & (side * z > 2)),
+        6: _one_sided(lambda side: _of(side * z > 1, 4, 5) & (side * z > 1)),
         7: _of(np.abs(z) < 1, 15, 15) & (sigma > 0),
         8: _of(np.abs(z) > 1, 8, 8),
     }
 
 
-def _either(one_side: Callable[[float], Bool]) -> Bool:
+def _one_sided(one_side: Callable[[float], Bool]) -> Bool:
     """(n,) whether it holds on the upper side or on the lower one."""
     return np.asarray(one_side(1.0) | one_side(-1.0))
 

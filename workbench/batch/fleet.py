@@ -166,14 +166,14 @@ def worst_text(counts: Int) -> str:
         return ""
     worst = int(np.argmax(by_section))
     chance = min(1.0, sections * float(bdtrc(int(by_section[worst]) - 1, parts, 1 / sections)))
-    told = (
+    frequency = (
         "significantly more often than by chance"
         if chance < SIGNIFICANT
         else "not significantly more often than by chance"
     )
     return (
         f"Section {worst + 1} has the smallest margin in {by_section[worst]} of {parts} parts ({parts / sections:.1f} "
-        f"expected for each section): {told} (p = {chance:.2g}, binomial, times {sections} sections)."
+        f"expected for each section): {frequency} (p = {chance:.2g}, binomial, times {sections} sections)."
     )
 
 
@@ -437,8 +437,8 @@ def parquet(records: Sequence[Record]) -> bytes:
     """`fleet.parquet`: one row per part and section; one row without a section for a part that has none."""
     pa, pq = Extra("pyarrow"), Extra("pyarrow.parquet")
     required = [required_in_file(record.requirements) for record in records]
-    told = [one for record, wanted in zip(records, required, strict=True) for one in (*record.sections, wanted)]
-    there = {name for one in told for name in one}
+    every = [one for record, wanted in zip(records, required, strict=True) for one in (*record.sections, wanted)]
+    there = {name for one in every for name in one}
     sizes = [name for name in ALL_TERMS if name in there] or [*BEVEL_TERMS]
     values = ["arc_length_mm", *(column for size in sizes for column in (size, u_name(size)))]
     text, number, whole = pa.string(), pa.float64(), pa.int32()

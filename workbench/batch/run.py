@@ -279,15 +279,15 @@ class Progress:
         self.live = stream is not None and stream.isatty()
         self.counts: Counter[str] = Counter()
         self.skipped = 0
-        self.started_s = self.told_s = time.monotonic()
+        self.started_s = self.reported_s = time.monotonic()
 
     def watched(self, records: Iterable[Record]) -> Iterator[Record]:
-        """The same records, told as they pass."""
+        """The same records, reported as they pass."""
         try:
             for record in records:
                 self.counts[record.outcome] += 1
                 self.skipped += record.skipped
-                self._tell(last=self.counts.total() == self.total)
+                self._report(last=self.counts.total() == self.total)
                 yield record
         finally:
             if self.live:
@@ -306,12 +306,12 @@ class Progress:
             words.append(f"took {duration(elapsed_s)}")
         return f"[{done}/{self.total}] {', '.join(words)}"
 
-    def _tell(self, last: bool) -> None:
+    def _report(self, last: bool) -> None:
         now_s = time.monotonic()
         if self.live:
             self._write(f"\r\033[K{self.line(now_s - self.started_s)}")
-        elif last or now_s - self.told_s >= EVERY_S:
-            self.told_s = now_s
+        elif last or now_s - self.reported_s >= EVERY_S:
+            self.reported_s = now_s
             self._write(f"{self.line(now_s - self.started_s)}\n")
 
     def _write(self, text: str) -> None:
@@ -354,11 +354,13 @@ def summary(records: tuple[Record, ...]) -> str:
     counts = [(sum(record.outcome == kind for record in records), kind) for kind in OUTCOMES]
     words += [f"{count} {kind}" for count, kind in counts if count]
     verdicts = [record.verdict for record in records if record.verdict]
-    told = ", ".join(f"{verdicts.count(one)} {one}" for one in ("fail", "undecided", "pass") if one in verdicts)
+    verdict_counts = ", ".join(
+        f"{verdicts.count(one)} {one}" for one in ("fail", "undecided", "pass") if one in verdicts
+    )
     skipped = sum(record.skipped for record in records)
     return (
         ", ".join(words)
-        + (f" (verdicts: {told})" if told else "")
+        + (f" (verdicts: {verdict_counts})" if verdict_counts else "")
         + (f"; {skipped} from an earlier run" * bool(skipped))
     )
 

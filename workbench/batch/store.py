@@ -115,8 +115,8 @@ def remote(url: str, error: type[WorkbenchError]) -> Iterator[tuple[Any, str]]:
         raise
     except ImportError:
         missing = not_installed(CLIENTS.get(protocol, ""))
-        told = f" {missing.expected}" if missing else " that is not installed"
-        raise error(url, f"needs a client for {protocol}://{told}") from None
+        client = f" {missing.expected}" if missing else " that is not installed"
+        raise error(url, f"needs a client for {protocol}://{client}") from None
     except FileNotFoundError:
         raise error(url, "no such file") from None
     except Exception as cause:

@@ -83,8 +83,8 @@ def unit_stated(file: Path) -> Unit | None:
 def grid_of(file: Path) -> tuple[int, int]:
     """(HEIGHT, WIDTH) of a PCD file by its header; (0, 0) where they are not told."""
     header, _ = readers.pcd_header(file)
-    told = [(header.get(name) or [""])[0] for name in ("HEIGHT", "WIDTH")]
-    rows, columns = (int(one) if one.isascii() and one.isdigit() and len(one) < 9 else 0 for one in told)
+    sizes = [(header.get(name) or [""])[0] for name in ("HEIGHT", "WIDTH")]
+    rows, columns = (int(one) if one.isascii() and one.isdigit() and len(one) < 9 else 0 for one in sizes)
     return rows, columns
 
 

@@ -100,9 +100,9 @@ def _table(file: str) -> Float:
     """
     with open(file, encoding="utf-8", errors="replace") as lines:
         text = [line for line in lines if line.strip() and not line.lstrip().startswith("#") and "INVALID" not in line]
-    told = [found for line in text if (found := READING.search(line))]
-    if len(told) > len(text) / 2:
-        return np.array([found.groups() for found in told], dtype=float)
+    readings = [found for line in text if (found := READING.search(line))]
+    if len(readings) > len(text) / 2:
+        return np.array([found.groups() for found in readings], dtype=float)
     mark = next((mark for mark in ",;" if text and mark in text[0]), None)
     titles = [OF_UNIT.sub("", title.strip(' "\n')).lower() for title in text[0].split(mark)] if text else []
     if {"x", "y", "z"} <= set(titles):

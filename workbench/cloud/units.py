@@ -37,11 +37,11 @@ def las_unit(file: Path) -> Unit | None:
         records = [*_records(stream)]
     if not records:
         return None
-    told = {one for number, body in records for one in (_by_wkt(body) if number == WKT else _by_keys(number, body))}
-    fits = [name for name, mm in MM.items() if told and all(math.isclose(mm, 1e3 * m, rel_tol=1e-7) for _, m in told)]
+    units = {one for number, body in records for one in (_by_wkt(body) if number == WKT else _by_keys(number, body))}
+    fits = [name for name, mm in MM.items() if units and all(math.isclose(mm, 1e3 * m, rel_tol=1e-7) for _, m in units)]
     if fits:
         return fits[0]
-    found = " and ".join(sorted({name for name, _ in told})) or "no unit"
+    found = " and ".join(sorted({name for name, _ in units})) or "no unit"
     expected = f'expected a reference system (map) in {", ".join(MM)}, found {found}: state the "unit", or convert it'
     raise InputError(str(file), expected)
 
@@ -56,13 +56,13 @@ def _records(stream: BinaryIO) -> Iterator[tuple[int, bytes]]:
     for at, many, form in lists:
         for _ in range(many):
             stream.seek(min(at, end))
-            told = stream.read(struct.calcsize(form))
-            if len(told) < struct.calcsize(form):
+            header = stream.read(struct.calcsize(form))
+            if len(header) < struct.calcsize(form):
                 break
-            owner, number, length = struct.unpack(form, told)
+            owner, number, length = struct.unpack(form, header)
             if owner.rstrip(b"\0") == OF_A_MAP:
                 yield number, stream.read(min(length, MOST_BYTES))
-            at += len(told) + length
+            at += len(header) + length
 
 
 def _by_wkt(body: bytes) -> Iterator[tuple[str, float]]:

@@ -77,8 +77,8 @@ def deviation_chapter(
 
 def _not_shown(surface: Surface) -> list[str]:
     """What the recording could not tell about its own poses."""
-    told = [one.finding for one in surface.checks if one.name == "flange_turn_deg" and one.passed and one.finding]
-    return [f"{PurePath(surface.source).name}: {finding}." for finding in told]
+    findings = [one.finding for one in surface.checks if one.name == "flange_turn_deg" and one.passed and one.finding]
+    return [f"{PurePath(surface.source).name}: {finding}." for finding in findings]
 
 
 def _facts(summary: Summary, found: Deviations, scan: Surface, reference: Surface) -> list[tuple[str, str]]:

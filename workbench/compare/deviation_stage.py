@@ -180,8 +180,8 @@ def places_of(scan: Surface, reference: Surface, scales: Scales) -> Surfels:
     found = surfels(scan, scales.spacing_mm, 0.5 * scales.normal_mm)
     centre, normal = found.centre_mm[found.flat], found.normal[found.flat]
     if reference.triangles is not None and len(centre):
-        turned = (on_mesh(reference)(centre)[1] * normal).sum(axis=1) < 0
-        normal = np.where(turned[:, None], -normal, normal)
+        is_reversed = (on_mesh(reference)(centre)[1] * normal).sum(axis=1) < 0
+        normal = np.where(is_reversed[:, None], -normal, normal)
     return Surfels(centre, normal, np.ones(len(centre), bool))
 
 
@@ -210,7 +210,7 @@ def deviations(
         off[np.abs(off) > depth_mm] = np.nan
         mine = heights(scan.points_mm, off, scan.frame, position, normal, radius, depth_mm)
         distance, noise = mine.height_mm, mine.u_mm
-    along, aside = course.locate(position)
+    along, across = course.locate(position)
     place = position_u(registration, position, normal, position_u_mm)
     path = None if registration is None else path_error_u(position, distance, normal, along)
     passes = [
@@ -231,7 +231,7 @@ def deviations(
         u,
         DETECTION * u,
         along,
-        aside,
+        across,
         tuple((name, median(np.ravel(one)[np.isfinite(np.ravel(one))])) for name, one in sources.items()),
         (ONE_FACE,) if unknown else (),
     )

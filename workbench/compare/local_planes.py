@@ -30,7 +30,7 @@ LEAST_FRAMES = 3  # or single points: the plane takes up two of them along the m
 LEAST_LEVERAGE = 0.5  # of the intercept: beyond, points lie all to one side of the axis
 NOWHERE = (math.nan,) * 4  # where a surface does not meet an axis
 ROUNDS = 5  # of leaving out and fitting again
-ASIDE = 4.685  # robust standard deviations beyond which a point counts no more: none of normal noise
+CUTOFF = 4.685  # robust standard deviations beyond which a point counts no more: none of normal noise
 
 
 class Surfels(NamedTuple):
@@ -95,8 +95,8 @@ def on_scan(reference: Surface, spacing_mm: float, radius_mm: float) -> Target:
         index = tree.query(points)[1]
         height = ((points - centre[index]) * normal[index]).sum(axis=1, keepdims=True)
         foot = points - height * normal[index]
-        beside = np.linalg.norm(foot - centre[index], axis=1) > 2.0 * radius_mm
-        foot[beside] = np.nan
+        off_surface = np.linalg.norm(foot - centre[index], axis=1) > 2.0 * radius_mm
+        foot[off_surface] = np.nan
         return foot, normal[index]
 
     return nearest
@@ -126,8 +126,8 @@ def on_mesh(reference: Surface) -> Target:
         near = found["points"].numpy().astype(float) + origin
         height = ((points - corner) * normal).sum(axis=1, keepdims=True)
         foot = points - height * normal  # in float64, on the triangle's plane
-        beside = np.linalg.norm(foot - near, axis=1) > 1e-3 + 1e-6 * np.abs(near - origin).max(initial=0.0)
-        foot[beside] = np.nan  # the nearest place is a border of the mesh
+        off_surface = np.linalg.norm(foot - near, axis=1) > 1e-3 + 1e-6 * np.abs(near - origin).max(initial=0.0)
+        foot[off_surface] = np.nan  # the nearest place is a border of the mesh
         return foot, normal
 
     return nearest
@@ -167,12 +167,12 @@ def heights(
     near = scipy.spatial.cKDTree(points_mm).query_ball_point(position_mm, float(np.hypot(radius_mm, depth_mm)))
     cluster = np.arange(len(points_mm)) if frame is None else frame
     cylinders = []
-    for index, at, axis, beside in zip(near, position_mm, normal, frame_about(normal)[:, :2], strict=True):
+    for index, at, axis, plane_axes in zip(near, position_mm, normal, frame_about(normal)[:, :2], strict=True):
         off = points_mm[index] - at
-        height, aside = off @ axis, off @ beside.T
+        height, lateral = off @ axis, off @ plane_axes.T
         what = height if values is None else values[index]
-        inside = ((aside**2).sum(axis=1) <= radius_mm**2) & (np.abs(height) <= depth_mm) & np.isfinite(what)
-        design = np.column_stack([np.ones(len(off)), aside / radius_mm])
+        inside = ((lateral**2).sum(axis=1) <= radius_mm**2) & (np.abs(height) <= depth_mm) & np.isfinite(what)
+        design = np.column_stack([np.ones(len(off)), lateral / radius_mm])
         cylinders.append((design[inside], what[inside], cluster[index][inside]))
     spreads = [_scatter(design, what) for design, what, _ in cylinders if len(what) >= LEAST_IN_CYLINDER]
     least = float(np.median(spreads)) if spreads else 0.0
@@ -180,10 +180,10 @@ def heights(
 
 
 def _scatter(design: Float, what: Float) -> float:
-    """Of the points about their plane, less those that stand aside by `ASIDE` of it."""
+    """Of the points about their plane, less those that stand aside by `CUTOFF` of it."""
     residual = what - np.median(what)
     for _ in range(ROUNDS):
-        near = np.abs(residual) <= ASIDE * robust_sd(residual)
+        near = np.abs(residual) <= CUTOFF * robust_sd(residual)
         if near.sum() < LEAST_IN_CYLINDER:
             break
         residual = what - design @ np.linalg.lstsq(design[near], what[near])[0]
@@ -193,14 +193,14 @@ def _scatter(design: Float, what: Float) -> float:
 def _intercept(design: Float, what: Float, cluster: Int, least: float) -> tuple[float, float, float, float]:
     """A plane (1, u, v) through `what` of a cylinder: the intercept, and what `Heights` says of it.
 
-    Points count within `ASIDE` standard deviations of it, by medians; the deviation is at least `least`, that of the
+    Points count within `CUTOFF` standard deviations of it, by medians; the deviation is at least `least`, that of the
     median cylinder, so that few points which agree by chance leave none out.
     """
     if len(what) < LEAST_IN_CYLINDER:
         return NOWHERE
     residual, used = what - np.median(what), np.zeros(len(what), bool)
     for _ in range(ROUNDS):
-        again = np.abs(residual) <= ASIDE * max(robust_sd(residual), least)
+        again = np.abs(residual) <= CUTOFF * max(robust_sd(residual), least)
         matrix = design[again].T @ design[again]
         if again.sum() < LEAST_IN_CYLINDER or np.linalg.det(matrix) <= 1e-6 * again.sum() ** 3:
             return NOWHERE

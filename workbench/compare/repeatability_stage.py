@@ -356,12 +356,12 @@ def _values(axes: Axes, study: Study, one: Characteristic) -> None:
 def _by_operator(axes: Axes, study: Study, values: Float) -> None:
     """Values (parts, operators, ..., sections) over the sections."""
     for j in range(len(study.operators)):
-        across = np.broadcast_to(_beside(study, j, len(study.operators)), values[:, j].shape)
+        across = np.broadcast_to(_offsets(study, j, len(study.operators)), values[:, j].shape)
         axes.points(across, values[:, j], ".", color=SERIES[j % len(SERIES)])
     _by_section(axes, study)
 
 
-def _beside(study: Study, k: int, count: int) -> Float:
+def _offsets(study: Study, k: int, count: int) -> Float:
     """Places (S,) of the k-th of `count` beside each other at every section."""
     return np.asarray(np.arange(len(study.section)) + 0.5 * ((k + 0.5) / count - 0.5), float)
 
@@ -381,7 +381,7 @@ def _bias(axes: Axes, study: Study, one: Characteristic) -> None:
     axes.axhline(0.0, color=PALE, linewidth=0.8)
     for i, k in np.argwhere(np.isfinite(found.bias)):
         u = COVERAGE * found.bias_u[i, k]
-        axes.errorbar(_beside(study, i, count)[k], found.bias[i, k], u, color=SERIES[i % len(SERIES)])
+        axes.errorbar(_offsets(study, i, count)[k], found.bias[i, k], u, color=SERIES[i % len(SERIES)])
     _by_section(axes, study)
     axes.set(title="Bias against the reference, with expanded uncertainty (k = 2)", ylabel=study.unit_of(one.name))
 

@@ -115,9 +115,9 @@ def refuse_other_units(study: Study, reference_operator: str, where: str) -> Non
     """Refuse an operator, the reference or limits in another unit than the first operator's: 57.3 or 1000 times off."""
     for name in (name for name in study.measured if study.unit_of(name) in MISTAKEN):
         mistaken, converted = MISTAKEN[study.unit_of(name)]
-        told = {study.operators[o]: study.measured[name][:, o] for o in range(len(study.operators))}
-        told |= {reference_operator: study.reference[name], "its limits": np.array(study.limits.get(name, np.nan))}
-        (first, usual), *others = ((who, float(mean_of_seen(np.abs(one), None))) for who, one in told.items())
+        samples = {study.operators[o]: study.measured[name][:, o] for o in range(len(study.operators))}
+        samples |= {reference_operator: study.reference[name], "its limits": np.array(study.limits.get(name, np.nan))}
+        (first, usual), *others = ((who, float(mean_of_seen(np.abs(one), None))) for who, one in samples.items())
         for who, size in others:
             small, large = sorted((usual, size))
             if abs(converted(small) - large) < ALIKE * large:

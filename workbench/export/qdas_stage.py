@@ -94,8 +94,8 @@ def _values(inspection: JointInspection) -> Iterator[str]:
     recorded = inspection.part.recorded_at
     when = datetime.fromisoformat(recorded).strftime("%d.%m.%Y/%H:%M:%S") if recorded else ""
     for _, _, pair in _cells(inspection):
-        told = (_number(pair[0]), str(VALID)) if pair else ("0", str(NOT_PROCESSED))
-        yield FIELD.join((*told, when))
+        value = (_number(pair[0]), str(VALID)) if pair else ("0", str(NOT_PROCESSED))
+        yield FIELD.join((*value, when))
 
 
 def _number(value: float) -> str:

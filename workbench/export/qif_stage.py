@@ -107,8 +107,8 @@ def _devices(part: Part, ids: Iterator[int]) -> Iterator[dict[str, Any]]:
         (part.sensor, "laser profile sensor", part.sensor_serial, sensor),
         (part.robot, "robot that carries the sensor", part.robot_serial, robot),
     ):
-        told = {key: text or "unknown" for key, text in facts.items()}
-        yield {"id": next(ids), "name": name, "what": what, "serial": serial, "facts": told}
+        known = {key: text or "unknown" for key, text in facts.items()}
+        yield {"id": next(ids), "name": name, "what": what, "serial": serial, "facts": known}
 
 
 def _characteristic(one: Characteristic, inspection: JointInspection, ids: Iterator[int]) -> dict[str, Any]:
@@ -140,11 +140,11 @@ def _traceability(part: Part, provenance: Provenance | None) -> dict[str, str]:
     QIF's own InspectionProgram must name an author and a formal standard, which nobody states here: the procedure is
     an attribute.
     """
-    told = {"measurement procedure": "unknown"}
+    facts = {"measurement procedure": "unknown"}
     if provenance:
         digest = content_digest(_procedure(provenance))
-        told = {"measurement procedure": provenance.title or "pipeline", "measurement procedure SHA-256": digest}
-    return told | ({} if part.recorded_at else {"inspection start": "unknown"})
+        facts = {"measurement procedure": provenance.title or "pipeline", "measurement procedure SHA-256": digest}
+    return facts | ({} if part.recorded_at else {"inspection start": "unknown"})
 
 
 def _procedure(provenance: Provenance) -> dict[str, Any]:

@@ -174,7 +174,7 @@ def _dimensions(block: Any, root: Float, bevel: Float) -> None:
 def _texts(shape: SectionShape) -> list[str]:
     """Section, verdict, and each size that was measured."""
     section = shape.section
-    told = [
+    sizes = [
         f"{shape.terms[name][0].lower()} {value:.{3 - angle}f} {unit}, u {u:.{3 - angle}f} {unit}"
         for name, one in section.sizes.items()
         for value, u, unit, angle in ((float(one.value), float(one.u), one.unit, one.unit == "deg"),)
@@ -182,7 +182,7 @@ def _texts(shape: SectionShape) -> list[str]:
     ]
     return [
         f"section {section.index} at {section.arc_length_mm:.2f} mm: {section.verdict}",
-        *(told or [section.reason]),
+        *(sizes or [section.reason]),
     ]
 
 

@@ -46,7 +46,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
     part = mapping.arrays
     if part is None or not (part.files is None or part.claims(path)):
         part = ArraysPart()
-    found, values = told(path, part)
+    found, values = by_role(path, part)
     unit, second, where = LENGTH_MM[part.length_unit], TIME_S[part.time_unit], str(path)
     profiles = _profiles(values, part.missing, unit, second, where) if "z" in values else None
     if profiles is not None and profiles.intensity is None and "intensity" in found:
@@ -57,7 +57,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
     return Imported(profiles=profiles, poses=poses, notes=notes)
 
 
-def told(path: Path, part: ArraysPart) -> tuple[dict[str, str], dict[str, AnyArray]]:
+def by_role(path: Path, part: ArraysPart) -> tuple[dict[str, str], dict[str, AnyArray]]:
     """The name of each role's array, the mapping's or the role's own, and the arrays by role.
 
     Raises:

@@ -95,8 +95,8 @@ def _hand_eye(sources: Sequence[Imported], mapping: Mapping) -> tuple[Float | No
         if mapping.hand_eye.file is not None:
             path = mapping.base_dir / mapping.hand_eye.file
             return read_hand_eye(path).flange_from_profiler, f"from {path}"
-        told = f" ({mapping.hand_eye.convention})" if mapping.hand_eye.convention else ""
-        return mapping.hand_eye.pose(), f"from the mapping{told}"
+        convention = f" ({mapping.hand_eye.convention})" if mapping.hand_eye.convention else ""
+        return mapping.hand_eye.pose(), f"from the mapping{convention}"
     if mapping.linear_axis is not None or not any(source.poses is not None for source in sources):
         return np.eye(4), "none needed on a linear axis: the profiler's frame is the flange's"
     return None, "none: a pipeline must name one (input hand_eye)"

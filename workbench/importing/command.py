@@ -101,7 +101,7 @@ def _check_names(sources: Sequence[str | Path], target: Path) -> None:
         raise InputError(str(twice), "occurs twice among the sources")
 
 
-def grid_told(x_mm: Float32, z_mm: Float32) -> list[str]:
+def grid_lines(x_mm: Float32, z_mm: Float32) -> list[str]:
     """Frames, columns, pitch, missing share of profiles (N, M), and within what they lie."""
     frames, columns = z_mm.shape
     seen, ranges = returns_of(x_mm, z_mm)
@@ -121,7 +121,7 @@ def column_pitch_mm(x_mm: Float32) -> float:
 
 def summary(recording: Recording) -> list[str]:
     """Frames, columns, pitch, missing share, duration and travel of a recording."""
-    lines = grid_told(recording.x_mm, recording.z_mm)
+    lines = grid_lines(recording.x_mm, recording.z_mm)
     lines[-1] += "" if recording.intensity is None else ", with intensity"
     for number in np.unique(recording.pass_index):
         frame, pose = recording.pass_index == number, recording.robot_pass == number

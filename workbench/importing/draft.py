@@ -58,8 +58,8 @@ def draft_files(sources: Sequence[str | Path], out: str | Path) -> tuple[str, ..
         raise InputError(str(target), "expected the name of a mapping to write, ending in .json")
     tree, lines = drafted([Path(source) for source in sources])
     write_whole(target, (json.dumps(tree, indent=2, ensure_ascii=False) + "\n").encode())
-    told = [f"{what}: {text}" for what in ("uncertain", "lacking") for text in tree.get(what, ())]
-    return tuple(one_line(line) for line in [*lines, *told, f"mapping: {target}"])
+    open_points = [f"{what}: {text}" for what in ("uncertain", "lacking") for text in tree.get(what, ())]
+    return tuple(one_line(line) for line in [*lines, *open_points, f"mapping: {target}"])
 
 
 def drafted(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
@@ -114,7 +114,7 @@ def _arrays(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
     lengths: list[Size] = []
     steps: list[Size] = []
     for source in sources:
-        names, values = arrays.told(source, ArraysPart())
+        names, values = arrays.by_role(source, ArraysPart())
         if {"x", "z"} <= set(names):
             lengths.append((float(np.nanmax(values["x"]) - np.nanmin(values["x"])), WIDTH_MM))
             z = values["z"].ravel()
@@ -230,9 +230,9 @@ def _poses(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
     part["convention"] = columns.convention
     if columns.convention.startswith("euler"):
         values = np.stack([column_of(form, roles[role]) for role in columns.orientation], axis=1)
-        told = roles[columns.orientation[0]].unit
-        part["angle_unit"] = told or ("rad" if np.nanmax(np.abs(values)) <= 2 * np.pi + 1e-3 else "deg")
-        if not told:
+        angle_unit = roles[columns.orientation[0]].unit
+        part["angle_unit"] = angle_unit or ("rad" if np.nanmax(np.abs(values)) <= 2 * np.pi + 1e-3 else "deg")
+        if not angle_unit:
             doubts.append(f"poses.angle_unit: {part['angle_unit']}, by the size of the numbers")
     if "pass" in roles:
         part["scan_pass"] = roles["pass"].column
@@ -265,23 +265,23 @@ def _targets(roles: dict[str, Named]) -> list[list[str | int]]:
 
 def _angle(form: Form, axes: Sequence[Named]) -> tuple[str, list[str]]:
     """The joints' unit by name, else by size; what is beyond two turns in deg goes along its axis."""
-    told = next((one.unit for one in axes if one.unit in ANGLES), "")
+    stated = next((one.unit for one in axes if one.unit in ANGLES), "")
     largest = {
         repr(one.column): float(np.nanmax(np.abs(column_of(form, one)))) for one in axes if one.unit not in LENGTHS
     }
     far = [name for name, value in largest.items() if value > TURN_DEG]
     doubts = [f"joints.length_unit: mm for {', '.join(far)}, by the size of the numbers: a linear axis?"] if far else []
-    if told:
-        return told, doubts
+    if stated:
+        return stated, doubts
     turning = [value for name, value in largest.items() if name not in far]
     unit = "rad" if max(turning, default=0.0) <= TURN_RAD else "deg"
     return unit, [*doubts, f"joints.angle_unit: {unit}, by the size of the numbers ({max(turning, default=0.0):.4g})"]
 
 
-def _unit(what: str, told: str, known: dict[str, float], *sizes: Size) -> tuple[str, list[str]]:
+def _unit(what: str, stated: str, known: dict[str, float], *sizes: Size) -> tuple[str, list[str]]:
     """The unit that the name tells, else the first under which each size is a usual one."""
-    if told in known:
-        return told, []
+    if stated in known:
+        return stated, []
     units = [unit for unit, scale in known.items() if all(low <= size * scale <= high for size, (low, high) in sizes)]
     others = f"; {' or '.join(units[1:])} would be possible too" if units[1:] else ""
     chosen, by = next(iter(units or known)), "steps of time" if known is TIME_S else "size of the numbers"

@@ -97,8 +97,8 @@ def _surface(lines: Lines, titles: list[str], number: int, where: str) -> Surfac
         cell, place = cells(line, ","), f"{where}: line {at or number}"
         if len(cell) != columns + 1 or (row == 0 and cell[0] != CORNER):
             found = f"found {cell[0][:20]!r} and {len(cell) - 1}" if at else "the file ends"
-            told = f"row {row} of {rows}: y and {columns} heights" if row else f"'{CORNER}' and {columns} columns"
-            raise InputError(place, f"expected {told}, {found}")
+            content = f"row {row} of {rows}: y and {columns} heights" if row else f"'{CORNER}' and {columns} columns"
+            raise InputError(place, f"expected {content}, {found}")
         values = numbers(cell[row == 0 :], place)
         if np.isnan(values[: 1 if row else None]).any():
             raise InputError(place, "expected a coordinate in every cell")

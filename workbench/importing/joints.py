@@ -86,10 +86,10 @@ class JointModel(NamedTuple):
         """Poses (K, 4, 4), mm, at joint positions (K, n)."""
         data, poses = self.model.createData(), np.empty((len(joints), 4, 4))
         at = [self.model.joints[self.model.getJointId(name)].idx_v for name in self.names]
-        turned = np.zeros(self.model.nv)  # integrated, as a continuous joint is counted by its cosine and sine
+        positions = np.zeros(self.model.nv)  # integrated, as a continuous joint is counted by its cosine and sine
         for k, row in enumerate(joints):
-            turned[at] = row
-            pin.framesForwardKinematics(self.model, data, pin.integrate(self.model, pin.neutral(self.model), turned))
+            positions[at] = row
+            pin.framesForwardKinematics(self.model, data, pin.integrate(self.model, pin.neutral(self.model), positions))
             moved = data.oMf[self.base].actInv(data.oMf[self.flange])
             poses[k] = pose_from(moved.rotation, moved.translation * MM)
         return poses

@@ -104,4 +104,4 @@ def _otherwise_separated(head: bytes, mapping: Mapping) -> str:
     """What to say where a table would be one that the mapping, or a known header, means but for its delimiter."""
     meant = [part for part in (mapping.profiles, mapping.poses, mapping.joints) if part is not None]
     known: list[TextPart] = [*meant] or [*tables.KNOWN.values(), *poses.KNOWN.values()]
-    return next((told for part in known if part.wanted and (told := otherwise_separated(head, part))), "")
+    return next((message for part in known if part.wanted and (message := otherwise_separated(head, part))), "")

@@ -197,18 +197,18 @@ def read_mapping(path: Path) -> Mapping:
         mapping = mapping_of(tree)
     except ValidationError as error:
         found = dict.fromkeys(problems(error, tree, Mapping))
-        raise InputError(str(path), told(list(found), path.read_text("utf-8-sig"))) from None
+        raise InputError(str(path), problem_text(list(found), path.read_text("utf-8-sig"))) from None
     mapping._base_dir = path.parent
     return mapping
 
 
 # All problems of a mapping file at once, each with its line.
 
-MOST = 8  # problems that are told
+MOST = 8  # problems that are listed
 BLANK = re.compile(r"[ \t\n\r]*")
 
 
-def told(found: list[tuple[Place, str]], text: str) -> str:
+def problem_text(found: list[tuple[Place, str]], text: str) -> str:
     """The problems in one line, in the order of the file."""
     lines = sorted(((line_of(text, place), place, what) for place, what in found), key=lambda each: each[0])
     shown = [f"line {line}: {path_of(place)}: {what}" for line, place, what in lines[:MOST]]

@@ -65,7 +65,7 @@ class TextPart(FilesPart):
     time_unit: TimeUnit | None = Field(default=None, description="of every time in the file, where it has any")
 
     @model_validator(mode="after")
-    def _told_apart(self) -> TextPart:
+    def _distinct_marks(self) -> TextPart:
         if self.delimiter == self.decimal:
             raise ValueError("expected a delimiter that is not the decimal mark")
         return self

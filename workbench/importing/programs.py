@@ -29,7 +29,7 @@ FORM = "X = @ mm , Y = @ mm , Z = @ mm , W = @ deg , P = @ deg , R = @ deg"  # @
 MARK = re.compile(r"^/PROG\b", re.M)
 POSITION = re.compile(FORM.replace("@", f"({NUMBER})").replace(" ", r"\s*"), re.I)
 TOOL, FRAME = re.compile(r"UT\s*:\s*(\w+)", re.I), re.compile(r"UF\s*:\s*(\w+)", re.I)
-OWN, NOT_TOLD = "0", "not stated"  # number of the flange, and of the base
+OWN, UNSTATED = "0", "not stated"  # number of the flange, and of the base
 
 
 class Positions(NamedTuple):
@@ -43,7 +43,7 @@ class Positions(NamedTuple):
 def _positions(text: str) -> Positions:
     """The taught positions; those in joints are none."""
     rows = [[*map(float, one.groups())] for one in POSITION.finditer(text)]
-    tools, frames = (set(form.findall(text)) or {NOT_TOLD} for form in (TOOL, FRAME))
+    tools, frames = (set(form.findall(text)) or {UNSTATED} for form in (TOOL, FRAME))
     return Positions(np.array(rows, float), tools, frames)
 
 

@@ -246,8 +246,8 @@ def _behind_targets(rows: Float, places: list[int]) -> Columns | None:
         return None
     roles = {f"joint {k}": Named(at, "") for k, at in enumerate(joints)}
     roles |= {f"target {k // 3 + 1} {'xyz'[k % 3]}": Named(at, "") for k, at in enumerate(others)}
-    told = f"columns {others[0]} to {others[-1]} are taken as the places of {len(others) // 3} targets of a tracker"
-    return Columns("joints", roles, doubts=(told,))
+    doubt = f"columns {others[0]} to {others[-1]} are taken as the places of {len(others) // 3} targets of a tracker"
+    return Columns("joints", roles, doubts=(doubt,))
 
 
 def _reaches(places: Float) -> bool:

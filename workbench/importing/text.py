@@ -169,14 +169,14 @@ class Form(NamedTuple):
 
     def as_part(self) -> dict[str, object]:
         """What a mapping says of it; what it takes for granted is left out."""
-        told = {
+        form = {
             "delimiter": self.delimiter,
             "decimal": self.decimal,
             "skip_lines": self.skip_lines,
             "header": bool(self.header),
         }
         usual = {"delimiter": ",", "decimal": ".", "skip_lines": 0, "header": True}
-        return {key: value for key, value in told.items() if value != usual[key]}
+        return {key: value for key, value in form.items() if value != usual[key]}
 
 
 def form_of(path: Path) -> Form | None:
@@ -370,8 +370,8 @@ def slabs(path: Path, part: TextPart) -> Iterator[Table]:
                 raise InputError(where, f"expected rows of numbers after line {lines}, found none")
             header = cells(above[part.skip_lines], part.delimiter) if part.header else []
             count = len(header) or len(cells(first_row, part.delimiter))
-            told = partial(otherwise_separated, text[:HEAD_BYTES].encode(), part)
-            places = _places(part, header, count, where, told)
+            hint = partial(otherwise_separated, text[:HEAD_BYTES].encode(), part)
+            places = _places(part, header, count, where, hint)
             names = {role: repr(header[at]) if header else str(at) for role, at in places.items()}
         table = Table(where, _parsed(body, part, places, count, where, lines), names, partial(_rows, body, lines))
         for role, values in table.columns.items():

@@ -52,10 +52,10 @@ def read(path: Path, mapping: Mapping) -> Imported:
     if len(far):
         shown = ", ".join(f"{v:.6g}" for v in found.place_mm[far[0]])
         raise InputError(f"{path}: reading {far[0] + 1}", f"expected a place in {MAX_MM:g} mm, found {shown} mm")
-    return Imported(tracker=found, notes=(f"{NAME}: {'; '.join(told(found))}",))
+    return Imported(tracker=found, notes=(f"{NAME}: {'; '.join(summary(found))}",))
 
 
-def told(found: TrackerReadings) -> list[str]:
+def summary(found: TrackerReadings) -> list[str]:
     """Counts, scatter within a position and the position whose readings scatter most, times."""
     count = len(found.place_mm)
     names = len(set(found.name))
@@ -102,8 +102,8 @@ def _positions(path: Path, part: TrackerPart) -> TrackerReadings:
     for k, line in enumerate(read_text(path).split("\n"), 1):
         if head := POSITION.match(line):
             now = int(head[1])
-        elif (told := READING.search(line)) and now is not None:
-            places.append(numbers(told.groups(), f"{path}: line {k}"))
+        elif (reading := READING.search(line)) and now is not None:
+            places.append(numbers(reading.groups(), f"{path}: line {k}"))
             numbers_.append(now)
         elif line.strip() and "INVALID" not in line:
             expected = "expected 'Pos n', or a reading as 'X= ... Y= ... Z= ...'; of a table: tracker.targets"
@@ -123,8 +123,8 @@ def _by_columns(path: Path, part: TrackerPart) -> TrackerReadings:
     row, target = np.nonzero(np.isfinite(places).all(axis=2))
     if not len(row):
         raise InputError(table.where, "expected readings, found none")
-    told, times = table.whole("number"), table.times(part.time_unit)
-    position = np.arange(1, len(places) + 1) if told is None else told
+    number, times = table.whole("number"), table.times(part.time_unit)
+    position = np.arange(1, len(places) + 1) if number is None else number
     names = tuple(f"t{k + 1}" for k in target)
     place_mm = places[row, target] * LENGTH_MM[part.length_unit]
     return TrackerReadings(table.where, place_mm, names, position[row], None if times is None else times[row])
@@ -215,8 +215,8 @@ def _by_number(readings: TrackerReadings, postures: Postures) -> Pairs:
             raise InputError(readings.source, f"position {position}: {postures.source} has no such posture")
         groups.append((rows, at))
     unseen = sorted(set(own.tolist()) - set(readings.number.tolist()))
-    told = f"postures without a reading: {', '.join(map(str, unseen[:12]))}" if unseen else ""
-    return Pairs(groups, tuple(filter(None, [told])))
+    note = f"postures without a reading: {', '.join(map(str, unseen[:12]))}" if unseen else ""
+    return Pairs(groups, tuple(filter(None, [note])))
 
 
 def _by_time(readings: TrackerReadings, postures: Postures, within_s: float, offset_s: float) -> Pairs:

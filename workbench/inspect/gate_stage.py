@@ -72,14 +72,14 @@ def _refuse_unmeasured(inspection: Inspection) -> None:
         return
     where = inspection.source or "edge"
     found = [one for one in inspection.characteristics if one.required is not None]
-    told = [all(pairs) for pairs in zip(*(one.pairs for one in found), strict=True)]
-    if not any(told):
+    complete = [all(pairs) for pairs in zip(*(one.pairs for one in found), strict=True)]
+    if not any(complete):
         raise InputError(
             where,
             f"none of {len(inspection.sections)} sections could be measured: {DOUBT}",
         )
     for one in found:
-        u = [pair[1] for pair, here in zip(one.pairs, told, strict=True) if pair and here]
+        u = [pair[1] for pair, here in zip(one.pairs, complete, strict=True) if pair and here]
         low, high = one.limits or (0.0, 0.0)
         expanded, width, unit = 2.0 * float(np.median(u)), high - low, one.quantity.unit
         if width > 0 and expanded > MOST_U * width:

@@ -169,7 +169,7 @@ def _judged(
         raise InputError(
             type(joint).__name__.lower(), f"none of {len(inspected)} sections could be measured: is this such a joint?"
         )
-    verdict, reason, left, told = of_the_part(inspected, joint.unseen, required, guard_factor, accepted)
+    verdict, reason, left, notes = of_the_part(inspected, joint.unseen, required, guard_factor, accepted)
     return {
         "type": joint.type,
         "alternatives": joint.alternatives,
@@ -182,7 +182,7 @@ def _judged(
         "conditions": left,
         "uncertainty": of_a_joint(joint.part, *(one for one in joint.unseen if not one.is_doubt), *left_out),
         "part": joint.part,
-        "warnings": (*joint.warnings, *told),
+        "warnings": (*joint.warnings, *notes),
         "checks": joint.checks,
     }
 

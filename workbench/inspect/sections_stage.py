@@ -105,12 +105,12 @@ def sections(
         for i, s in enumerate(at, 1)
     )
     unseen = material(edge.unseen, inspected)
-    verdict, reason, left, told = of_the_part(inspected, unseen, required, guard_factor, accept_conditions)
+    verdict, reason, left, notes = of_the_part(inspected, unseen, required, guard_factor, accept_conditions)
     warnings = (
         *edge.warnings,
         *_no_bevel(edge.arc_length_mm[absurd]),
         *_warnings(edge, seen & ~absurd, required, guard_factor, verdict),
-        *told,
+        *notes,
     )
     return Inspection(
         inspected,

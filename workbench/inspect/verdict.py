@@ -94,10 +94,10 @@ def of_the_part(
         return verdict, reason, (), ()
     rests_on = conditions(unseen, sections, required, guard_factor)
     left = tuple(one for one in rests_on if one.name not in accepted)
-    told = tuple(f"accepted by name, {one.name}: {one.told}" for one in rests_on if one not in left)
+    notes = tuple(f"accepted by name, {one.name}: {one.told}" for one in rests_on if one not in left)
     if not left:
-        return verdict, reason, (), told
-    return "undecided", PROVIDED.format(" ".join(one.told for one in left)), left, told
+        return verdict, reason, (), notes
+    return "undecided", PROVIDED.format(" ".join(one.told for one in left)), left, notes
 
 
 def conditions(

@@ -11,8 +11,8 @@ from workbench.artefacts import Check
 from workbench.errors import InputError, PipelineError
 from workbench.geometry.poses import mapped
 from workbench.look.command import write_page
+from workbench.look.content import FileContent, failed
 from workbench.look.recorded import axes_of, lines_of
-from workbench.look.seen import Seen, failed
 from workbench.robot import (
     Cell,
     Chain,
@@ -123,8 +123,8 @@ def _posture(cell: Cell, joints: Float, turntable: Float | float, gaps: list[Cle
 def posture_text(joints: Float, turntable: Float | float) -> str:
     """A posture in words, from angles in rad."""
     angles = ", ".join(f"{angle / DEG:.6g}" for angle in joints)
-    beside = ", ".join(f"{value / DEG:.6g}" for value in np.atleast_1d(turntable))
-    return f"posture, deg: {angles}; {'tilt and ' if np.ndim(turntable) else ''}turntable {beside}"
+    externals = ", ".join(f"{value / DEG:.6g}" for value in np.atleast_1d(turntable))
+    return f"posture, deg: {angles}; {'tilt and ' if np.ndim(turntable) else ''}turntable {externals}"
 
 
 def nearest_gaps(cell: Cell, gaps: list[Clearance]) -> list[Clearance]:
@@ -139,7 +139,7 @@ def _span(low: float, high: float) -> str:
     return f"{low / DEG:.6g} to {high / DEG:.6g} deg"
 
 
-def cell_seen(cell: Cell, joints: Float, turntable: Float | float) -> Seen:
+def cell_content(cell: Cell, joints: Float, turntable: Float | float) -> FileContent:
     """The cell at joint angles (6,) and a turntable angle, rad: bodies, frames, and the shortest distances.
 
     Raises:
@@ -157,7 +157,7 @@ def cell_seen(cell: Cell, joints: Float, turntable: Float | float) -> Seen:
     distances = [lines_of(f"{mm:.1f} mm", [ends], RED) for ends, mm in near if ends is not None]
     lines = (*_cell(cell), *_posture(cell, joints, turntable, gaps))
     met = [failed("collision", None, APART, line) for line in lines if line.startswith("collision: ")]
-    return Seen(
+    return FileContent(
         cell.source,
         "robot cell",
         "the robot's base",
@@ -197,7 +197,7 @@ def view_cell(cell_file: str, posture: str, turntable_deg: float, out: str, tilt
     cell = read_cell(Path(cell_file))
     external = external_at(cell, turntable_deg, tilt_deg, "--tilt-deg")
     check_posture(cell, joints, external)
-    found = cell_seen(cell, joints, external)
+    found = cell_content(cell, joints, external)
     write_page(found, Path(out))
     return [*found.lines, f"page: {out}"]
 

@@ -22,10 +22,21 @@ from workbench.importing.kinds import check_file, read_source
 from workbench.importing.mapping import Mapping, mapping_of, no_mapping, read_mapping
 from workbench.importing.roles import leading
 from workbench.importing.text import first_bytes, form_of, head_text, read_text
+from workbench.look.content import (
+    MOST_POINTS,
+    FileContent,
+    Profile,
+    Shade,
+    box,
+    check_lines,
+    chosen_of,
+    failed,
+    limit_text,
+    shades_of,
+)
 from workbench.look.foreign import frames_alone, joints_alone, numbers_alone, poses_alone, tracker_alone
-from workbench.look.recorded import recording_seen, unchecked
+from workbench.look.recorded import recording_content, unchecked
 from workbench.look.rows import groove_of_rows
-from workbench.look.seen import MOST_POINTS, Profile, Seen, Shade, box, chosen_of, failed, limit_text, shades_of, told
 from workbench.look.seven_corners import read_corners, recognised
 from workbench.scan.read_stage import read as read_recording
 from workbench.storage import write_whole
@@ -49,7 +60,7 @@ def look(
         InputError: the file cannot be read.
         OutputError: the page cannot be written.
     """
-    found = seen(Path(file), None if mapping is None else Path(mapping))
+    found = content_of(Path(file), None if mapping is None else Path(mapping))
     if out is not None:
         write_page(found, Path(out))
     if corners is not None:
@@ -57,7 +68,7 @@ def look(
     return summary(found)
 
 
-def write_corners(found: Seen, target: Path) -> None:
+def write_corners(found: FileContent, target: Path) -> None:
     """Column with its standard uncertainty, and range, of each corner in each row; empty where it is not told."""
     if found.corners is None:
         raise InputError(found.source, "expected rows of ranges across a groove, for --corners")
@@ -72,18 +83,18 @@ def write_corners(found: Seen, target: Path) -> None:
     write_whole(target, "\r\n".join([*lines, ""]).encode())
 
 
-def summary(found: Seen) -> tuple[str, ...]:
+def summary(found: FileContent) -> tuple[str, ...]:
     """The file in lines: what it is, what is in it, what the checks say, what to try."""
     lines = [f"{found.source}: {found.kind}, shown in {found.frame}", *found.lines]
     if found.checks:
         bad = sum(not check.passed for check in found.checks)
-        lines += [f"checks: {len(found.checks) - bad} passed, {bad} failed", *told(found.checks)]
+        lines += [f"checks: {len(found.checks) - bad} passed, {bad} failed", *check_lines(found.checks)]
     if found.suggestions:
         lines += ["conventions that would make this consistent:", *(f"  {one}" for one in found.suggestions)]
     return tuple(one_line(line) for line in [*lines, *(f"note: {hint}" for hint in found.hints)])
 
 
-def write_page(found: Seen, target: Path) -> None:
+def write_page(found: FileContent, target: Path) -> None:
     """The page, whole or not at all."""
     if target.suffix.lower() not in (".html", ".htm"):
         raise InputError(str(target), "expected the name of a page to write, ending in .html")
@@ -96,7 +107,7 @@ RECORDINGS = (".h5", ".hdf5")
 TEXTS = (".csv", ".txt", ".asc")  # may be a cloud, or anything
 
 
-def seen(file: Path, mapping: Path | None = None) -> Seen:
+def content_of(file: Path, mapping: Path | None = None) -> FileContent:
     """What the file holds.
 
     Raises:
@@ -113,7 +124,7 @@ def seen(file: Path, mapping: Path | None = None) -> Seen:
         return _cloud(file)
     if (other := _other(file)) is not None:
         return other
-    ways: list[Callable[[Path], Seen]] = [partial(_foreign, mapping=chosen)]
+    ways: list[Callable[[Path], FileContent]] = [partial(_foreign, mapping=chosen)]
     if mapping is None and suffix == arrays.ENDING:
         ways = [_drafted]  # numbers alone: their units are drafted
     elif mapping is None and not tracker.recognises(file, first_bytes(file), chosen):
@@ -127,13 +138,13 @@ def seen(file: Path, mapping: Path | None = None) -> Seen:
     raise refused[0]  # what the file is not says more than what a table of points would need
 
 
-def _other(file: Path) -> Seen | None:
+def _other(file: Path) -> FileContent | None:
     """What is neither profiles nor poses nor points: corners of a groove, forces."""
     head = head_text(first_bytes(file))
     nothing, hint = np.zeros((0, 3)), "it is no recording: nothing of it goes into `workbench import`"
     if force_file.recognises(head):
-        lines = tuple(force_file.told(force_file.read_forces(file)))
-        return Seen(str(file), force_file.NAME, "no frame: forces over time", lines, nothing, (), hints=(hint,))
+        lines = tuple(force_file.summary(force_file.read_forces(file)))
+        return FileContent(str(file), force_file.NAME, "no frame: forces over time", lines, nothing, (), hints=(hint,))
     if not recognised(head):
         return None
     seven = read_corners(read_text(file), str(file))
@@ -152,7 +163,7 @@ def _other(file: Path) -> Seen | None:
         f"rows: {len(at)}, {int(np.isfinite(seven.torch_mm[:, 0]).sum())} with the torch's place; metres in the file"
     )
     points = at.reshape(-1, 3)
-    return Seen(
+    return FileContent(
         str(file),
         "seven corners of a groove",
         "the tracker's frame",
@@ -163,16 +174,16 @@ def _other(file: Path) -> Seen | None:
     )
 
 
-def _recording(file: Path) -> Seen:
+def _recording(file: Path) -> FileContent:
     """A recording; where `scan.read` would refuse it, as much of it as can be shown, and why."""
     try:
         recording: Recording = read_recording(recording=file)
     except InputError as error:
         return unchecked(file, error)
-    return recording_seen(recording)
+    return recording_content(recording)
 
 
-def _model(file: Path) -> Seen:
+def _model(file: Path) -> FileContent:
     """A CAD model: its bevelled edges by number, and its surface."""
     points, triangles = cad.surface(file)
     if not len(triangles):
@@ -185,7 +196,7 @@ def _model(file: Path) -> Seen:
     except InputError as error:
         lines.append(f"no bevelled edge: {error.expected}")
     else:
-        lines += [f"edge {k}: {one.told()}" for k, one in enumerate(edges, 1)]
+        lines += [f"edge {k}: {one.summary()}" for k, one in enumerate(edges, 1)]
         green = np.array([[0, 158, 115]], np.uint8)
         drawn = tuple(one.points_mm for one in edges)
         strokes = (Strokes("bevelled edges", drawn, tuple(green.repeat(len(one), 0) for one in drawn)),)
@@ -197,12 +208,12 @@ def _model(file: Path) -> Seen:
             'to compare with it: the stage compare.mesh, "mesh": FILE (docs/comparison.md)',
         )
     frame = "the frame of the model"
-    return Seen(
+    return FileContent(
         str(file), "CAD model (STEP)", frame, tuple(lines), points, shades_of(points), strokes=strokes, hints=hints
     )
 
 
-def _cloud(file: Path) -> Seen:
+def _cloud(file: Path) -> FileContent:
     """A cloud without a grid, whatever its size, in its format's unit, else the first under which it may be a part."""
     found = in_process(file)
     found = found[np.isfinite(found).all(axis=1)]
@@ -222,7 +233,7 @@ def _cloud(file: Path) -> Seen:
     lines = [f"points: {len(points)}, coordinates {f'in {unit}' if stated else f'taken as {unit}: {why}'}"]
     some, more = chosen_of(points), "" if unit in (stated, "mm") else f" --input unit={unit}"
     hint = f"as a cloud: workbench run pipelines/inspect_cloud.json --input cloud=FILE{more} (docs/clouds.md)"
-    return Seen(
+    return FileContent(
         str(file),
         f"cloud without a grid ({file.suffix[1:].upper()})",
         "the frame of the file",
@@ -234,7 +245,7 @@ def _cloud(file: Path) -> Seen:
     )
 
 
-def _cloud_of_text(file: Path) -> Seen:
+def _cloud_of_text(file: Path) -> FileContent:
     """A cloud whose points stand in a table; a few rows are something else, unless they are homogeneous coordinates."""
     form = form_of(file)
     found = _cloud(file)
@@ -249,7 +260,7 @@ def _cloud_of_text(file: Path) -> Seen:
     return replace(found, lines=found.lines + more)
 
 
-def _numbers(file: Path) -> Seen:
+def _numbers(file: Path) -> FileContent:
     """A table of numbers of another kind."""
     form = form_of(file)
     if form is None:
@@ -257,7 +268,7 @@ def _numbers(file: Path) -> Seen:
     return numbers_alone(form, str(file))
 
 
-def _drafted(file: Path) -> Seen:
+def _drafted(file: Path) -> FileContent:
     """A table as a drafted mapping reads it; what is uncertain is told."""
     tree, _ = drafted([file])
     mapping = mapping_of(tree)
@@ -268,14 +279,14 @@ def _drafted(file: Path) -> Seen:
     return replace(found, hints=(*doubts, *found.hints))
 
 
-def _with_corners(file: Path, mapping: Mapping, found: Seen) -> Seen:
+def _with_corners(file: Path, mapping: Mapping, found: FileContent) -> FileContent:
     """Rows of ranges whose unit, pitch and poses are unknown show a groove all the same, in columns."""
     frames = read_source(file, mapping).profiles
     rows = None if frames is None else groove_of_rows(frames.z_mm.astype(float), str(file))
-    return found if rows is None else replace(found, lines=(*found.lines, rows.told), corners=rows)
+    return found if rows is None else replace(found, lines=(*found.lines, rows.summary), corners=rows)
 
 
-def _foreign(file: Path, mapping: Mapping) -> Seen:
+def _foreign(file: Path, mapping: Mapping) -> FileContent:
     """Profiles or poses of other people's files, in their own frame."""
     found = read_source(file, mapping)
     if found.profiles is not None:
@@ -312,7 +323,7 @@ def profile_drawing(profile: Profile) -> bytes:
 SHARE = (1.0, 99.0)  # per cent of the values that the ramp spans; strays do not wash it out
 
 
-def page(found: Seen) -> str:
+def page(found: FileContent) -> str:
     """The whole page."""
     from workbench.report.html_stage import packed, policy, viewer_script
     from workbench.report.text import data_address, source
@@ -339,7 +350,7 @@ def page(found: Seen) -> str:
     )
 
 
-def scene_of(found: Seen) -> Scene | None:
+def scene_of(found: FileContent) -> Scene | None:
     """What is turned in the browser; None where there is nothing."""
     seen_alone = len(found.points_mm) > 0  # then the points fill the first view; robot and axes can be shown
     strokes = tuple(replace(one, shown=one.shown and not seen_alone) for one in found.strokes if one.lines_mm)

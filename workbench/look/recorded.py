@@ -18,7 +18,7 @@ from workbench.errors import InputError
 from workbench.geometry.blocks import evenly
 from workbench.geometry.poses import inverse, pose_from, rotation_from_quaternion, rpy_from_rotation
 from workbench.importing.command import summary
-from workbench.look.seen import Seen, box, failed, measured, places, shades_of, stacked, told_profile
+from workbench.look.content import FileContent, box, failed, measured, places, profile_lines, shades_of, stacked
 from workbench.scan.fuse_stage import flange_poses, pass_after_pass
 from workbench.scan.hdf5 import FIELDS, data_sets, opened, whole
 from workbench.scan.read_stage import ON_THE_GRID, read_in
@@ -32,7 +32,7 @@ BASE_AXES_MM = 200.0
 RED, GREEN, BLUE, WAY, SCANNER_WAY = (200, 60, 20), (0, 130, 90), (0, 90, 180), (27, 31, 36), (150, 90, 160)
 
 
-def recording_seen(recording: Recording) -> Seen:
+def recording_content(recording: Recording) -> FileContent:
     """Points in the base, the flange's and the profiler's ways, scanner poses, base axes; what the checks say."""
     checks, suggestions = judged(recording)
     recording = pass_after_pass(recording)
@@ -52,7 +52,7 @@ def recording_seen(recording: Recording) -> Seen:
         more["intensity"] = recording.intensity[frame, column]
     lines = [
         *summary(recording),
-        *_poses_told(recording, base_from_profiler),
+        *_pose_lines(recording, base_from_profiler),
         f"points lie in: {box(points)}" if len(points) else "points: none",
     ]
     hints = []
@@ -60,7 +60,7 @@ def recording_seen(recording: Recording) -> Seen:
         hints.append("no hand-eye pose: points are shown as if the profiler stood in the flange (input hand_eye)")
     if own_clock:
         hints.append("the profiler's own clock: every frame is shown at its pass's middle pose")
-    return Seen(
+    return FileContent(
         recording.source,
         "calibration recording" if recording.sphere_diameter_mm is not None else "profile recording",
         "the robot's base",
@@ -218,7 +218,7 @@ def _held(recording: Recording) -> Float:
     return out
 
 
-def _poses_told(recording: Recording, base_from_profiler: Float) -> list[str]:
+def _pose_lines(recording: Recording, base_from_profiler: Float) -> list[str]:
     """The hand-eye pose, where the flange is, and how the profiler moves across its laser plane."""
     lines = []
     if recording.flange_from_profiler is not None:
@@ -279,7 +279,7 @@ def axes_of(name: str, base_from_a: Float, length_mm: float, shown: bool = True)
     return Strokes(name, tuple(lines), tuple(colours), shown)
 
 
-def unchecked(file: Path, error: InputError) -> Seen:
+def unchecked(file: Path, error: InputError) -> FileContent:
     """A recording that `scan.read` refuses: its profiles one behind the other, if they can be had at all."""
     where = str(file)
     with opened(file) as open_file:
@@ -298,11 +298,11 @@ def unchecked(file: Path, error: InputError) -> Seen:
     place = error.where.removeprefix(f"{where}: ").removeprefix(where)
     lines = [f"profiles: {frames} frames of {columns} columns", f"refused by scan.read: {place}: {error.expected}"]
     profile = measured(x_mm[0], z_mm[0]) if frames == 1 else None
-    return Seen(
+    return FileContent(
         where,
         "profile recording (refused)",
         "the profiler's frame, frames one behind the other",
-        tuple([*lines, *(told_profile(profile) if profile else [])]),
+        tuple([*lines, *(profile_lines(profile) if profile else [])]),
         shown.points_mm,
         shown.shades,
         strokes=(lines_of("robot's way (flange)", [way], WAY),) if len(way) > 1 and np.isfinite(way).all() else (),

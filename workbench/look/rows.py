@@ -26,7 +26,7 @@ class Rows(NamedTuple):
     z: dict[str, Float]  # (N,) counts
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         """Type, rows that were read, corners in the median, sizes with U = 2 u in columns, what is not told."""
         like = ", ".join(self.groove.alternatives)
         seen = np.isfinite(self.groove.frame_arc_length_mm)

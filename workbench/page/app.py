@@ -37,7 +37,7 @@ from workbench.pipeline.catalogue import unit_of
 from workbench.pipeline.follow import state_of
 from workbench.report.html_stage import script_source, viewer_script
 from workbench.server import LocalServer
-from workbench.storage import beside
+from workbench.storage import partial_path
 from workbench.view import NotServedError, Results, serve_at, within
 
 HERE = Path(__file__).parent
@@ -255,8 +255,8 @@ class Page:
         earlier = [one for one in self.store.runs({"part": run.part or ""}) if one.kind == run.kind and one.id < run.id]
         changed = differences(earlier[0].inputs, run.inputs) if earlier and run.part else []
         in_space = REPORT in files and b'id="view"' in (folder / REPORT).read_bytes()
-        told = {"files": files, "changed": changed, "in_space": in_space, "looks": (LOOK, IMPORT)}
-        return self._html("run.html.j2", request, run=run, **told)
+        context = {"files": files, "changed": changed, "in_space": in_space, "looks": (LOOK, IMPORT)}
+        return self._html("run.html.j2", request, run=run, **context)
 
     def _draft(self, request: Request, run: Run) -> Response:
         """What was understood of other people's files: a question for each doubt."""
@@ -351,7 +351,7 @@ class Page:
                 f"{name}: expected a recording, a cloud or another file that workbench reads ({', '.join(READ)})"
             )
         target = unused(self.folder / name)
-        partial = beside(target)
+        partial = partial_path(target)
         try:
             size = 0
             with partial.open("xb") as file:

@@ -88,13 +88,13 @@ def answered(draft: Tree[str, Any], preset: Tree[str, Any]) -> dict[str, Any]:
         if part in OF_ONE_RECORDING or (isinstance(said, dict) and "files" in said and own is None):
             continue
         made[part] = {**said, "files": own["files"]} if isinstance(own, dict) and "files" in own else said
-    told = set(preset).difference(OF_ONE_RECORDING)
+    known = set(preset).difference(OF_ONE_RECORDING)
     asked = {name for name, own in draft.items() if isinstance(own, dict) and "files" in own}
 
     def settled(doubt: str) -> bool:
         question = _question(draft, doubt)
-        return {one.place.partition(".")[0] for one in question.asked} <= told if question.asked else asked <= told
+        return {one.place.partition(".")[0] for one in question.asked} <= known if question.asked else asked <= known
 
     left = [doubt for doubt in draft.get("uncertain", ()) if not settled(doubt)]
-    lacking = [text for text in draft.get("lacking", ()) if text.partition(":")[0] not in told]
+    lacking = [text for text in draft.get("lacking", ()) if text.partition(":")[0] not in known]
     return {**made, "uncertain": left, "lacking": lacking}

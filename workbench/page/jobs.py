@@ -153,12 +153,12 @@ class Queue:
     def _ran(self, run: Run) -> tuple[int, str, str]:
         """Exit status, what was printed, and the last line on standard error; of its last command."""
         out = self.results(run.inputs["draft"] if run.kind == PREVIEW else run.id)
-        told = 0, "", ""
+        outcome = 0, "", ""
         try:
             out.mkdir(parents=True, exist_ok=True)
             for arguments in self._commands(run, out):
-                told = self._child_ran(run, arguments)
-                if told[0] not in (0, 1):
+                outcome = self._child_ran(run, arguments)
+                if outcome[0] not in (0, 1):
                     break
         except OSError as error:
             return 2, "", f"{out}: cannot be written: {error.strerror}"
@@ -166,7 +166,7 @@ class Queue:
             for scratch in (self._mapping(run), out / SO_FAR):
                 with suppress(OSError):
                     scratch.unlink()
-        return told
+        return outcome
 
     def _child_ran(self, run: Run, arguments: list[str]) -> tuple[int, str, str]:
         child = self._begun(arguments)
@@ -177,13 +177,13 @@ class Queue:
         assert child.stderr is not None
 
         def read(stream: Iterable[str]) -> None:
-            told: dict[str, Any] = {}
+            verdict: dict[str, Any] = {}
             for line in stream:
                 printed.append(line)
                 if known := VERDICT.fullmatch(line.strip()):
-                    told = known.groupdict()
-                elif told and line.startswith("gate"):  # before the pictures are drawn
-                    self._tell(run, **let_through(told, GATE_PASSED.match(line) is not None))
+                    verdict = known.groupdict()
+                elif verdict and line.startswith("gate"):  # before the pictures are drawn
+                    self._tell(run, **let_through(verdict, GATE_PASSED.match(line) is not None))
 
         reader = threading.Thread(target=read, args=(child.stdout,))
         reader.start()
@@ -239,15 +239,15 @@ class Queue:
             self.store.update(run.id, state="done", status=status, part=Path(shown).name, reason=printed)
             return
         try:
-            told = summary(self.results(run.id))
+            result = summary(self.results(run.id))
         except (OSError, ValueError, KeyError) as error:
             unread = f"{self.results(run.id)}: cannot be read: {getattr(error, 'strerror', None) or error}"
             self.store.update(run.id, state="failed", status=2, reason=unread)
             return
         lines = [line for line in printed.splitlines() if line.startswith("gate: ")]
-        told.setdefault("reason", lines[-1].removeprefix("gate: ") if lines else "")
-        told.setdefault("verdict", "pass" if status == 0 else "fail")
-        self.store.update(run.id, state="done", status=status, **let_through(told, status == 0))
+        result.setdefault("reason", lines[-1].removeprefix("gate: ") if lines else "")
+        result.setdefault("verdict", "pass" if status == 0 else "fail")
+        self.store.update(run.id, state="done", status=status, **let_through(result, status == 0))
 
 
 def _is_done(run: Run) -> bool:
@@ -291,7 +291,7 @@ class _Spare:
             pass
 
 
-def let_through(told: dict[str, Any], passed: bool) -> dict[str, Any]:
+def let_through(result: dict[str, Any], passed: bool) -> dict[str, Any]:
     """A part whose sizes pass, and which the gate holds back (a check was loosened), is no PASS to anybody."""
-    held = told.get("verdict") == "pass" and not passed
-    return {**told, "verdict": "undecided"} if held else told
+    held = result.get("verdict") == "pass" and not passed
+    return {**result, "verdict": "undecided"} if held else result

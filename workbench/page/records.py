@@ -34,9 +34,9 @@ def summary(folder: Path) -> dict[str, Any]:
     asked = required_in_file(tree["requirements"])
     names = ("index", "arc_length_mm", "verdict", *asked, *(u_name(name) for name in asked))
     sections = [{name: one.get(name) for name in names} for one in tree.get("sections", [])]
-    told = measured(tree.get("part") or {}, tree["requirements"], sections)
-    told["record"]["todo"] = todo
-    return told | {"verdict": tree.get("verdict"), "reason": tree.get("reason")}
+    row = measured(tree.get("part") or {}, tree["requirements"], sections)
+    row["record"]["todo"] = todo
+    return row | {"verdict": tree.get("verdict"), "reason": tree.get("reason")}
 
 
 def measured(identity: Mapping[str, Any], required: Any, sections: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -136,19 +136,19 @@ def keep_batch(folder: str, kind: str, inputs: Mapping[str, Any], records: Seque
     """
     with Store.of(Path(folder)) as store:
         for one in records:
-            told = measured(one.identity, one.requirements, one.sections) | {
+            row = measured(one.identity, one.requirements, one.sections) | {
                 "verdict": one.verdict,
                 "part": one.part_id,
             }
-            told |= {"reason": one.cause, "status": {"passed": 0, "rejected": 1}.get(one.outcome, 2)}
-            told = _with_place(told, Path(out) / one.part)
-            if not store.has(told["record"]):
+            row |= {"reason": one.cause, "status": {"passed": 0, "rejected": 1}.get(one.outcome, 2)}
+            row = _with_place(row, Path(out) / one.part)
+            if not store.has(row["record"]):
                 given = {**inputs, "recording": _absolute(one.recording)}
-                store.add(kind, given, state="done" if told["status"] < 2 else "failed", **told)
+                store.add(kind, given, state="done" if row["status"] < 2 else "failed", **row)
 
 
-def _with_place(told: dict[str, Any], out: Path) -> dict[str, Any]:
-    return {**told, "record": {**told.get("record", {}), "out": str(out.resolve())}}
+def _with_place(row: dict[str, Any], out: Path) -> dict[str, Any]:
+    return {**row, "record": {**row.get("record", {}), "out": str(out.resolve())}}
 
 
 def _absolute(value: Any) -> Any:

@@ -123,10 +123,10 @@ class Store:
 
         It is there as a whole or not at all.
         """
-        told = {"kind": kind, "inputs": inputs, "begun": time.time(), "state": state, **values}
+        columns = {"kind": kind, "inputs": inputs, "begun": time.time(), "state": state, **values}
         row = self._do(
-            f"INSERT INTO runs ({', '.join(told)}) VALUES ({', '.join('?' * len(told))}) RETURNING id",
-            *map(_column, told.values()),
+            f"INSERT INTO runs ({', '.join(columns)}) VALUES ({', '.join('?' * len(columns))}) RETURNING id",
+            *map(_column, columns.values()),
         )
         return int(row[0]["id"])
 

@@ -47,9 +47,11 @@ def read_document(path: Path) -> PipelineDocument:
     except PipelineError as error:
         if path.suffix.lower() == ".json":
             raise
-        told = f"expected a pipeline in JSON: {error.expected}; a recording is the input of one, as in "
-        told += f"`workbench run inspect_bevel --input recording={path.name}`; other files: `workbench import --draft`"
-        raise PipelineError(error.where, told) from None
+        message = (
+            f"expected a pipeline in JSON: {error.expected}; a recording is the input of one, as in "
+            f"`workbench run inspect_bevel --input recording={path.name}`; other files: `workbench import --draft`"
+        )
+        raise PipelineError(error.where, message) from None
     return check_document(tree, str(path), path.parent)
 
 

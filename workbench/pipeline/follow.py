@@ -180,9 +180,9 @@ class _Sight:
     def _measure(self) -> None:
         try:
             results = self.pipeline.run(inputs=self.inputs, settings=self.settings, report=False)
-            told = [one.reason for one in results if isinstance(one, Gate)]
-            told += [sizes for one in results if isinstance(one, JointInspection) and (sizes := _sizes(one))]
-            shown = "; ".join(told) or "measured"
+            reasons = [one.reason for one in results if isinstance(one, Gate)]
+            reasons += [sizes for one in results if isinstance(one, JointInspection) and (sizes := _sizes(one))]
+            shown = "; ".join(reasons) or "measured"
             if self.drawing and (drawn := _drawn(results)):
                 write_whole(self.drawing, drawn)
         except WorkbenchError as error:

@@ -99,12 +99,12 @@ def exchange(staged: Path, target: Path, old: list[str], new: list[str]) -> None
     _moved(staged)
 
 
-def clear_killed_runs(target: Path, *, beside: bool = True) -> None:
+def clear_killed_runs(target: Path, *, siblings: bool = True) -> None:
     """What killed runs left: a set that was changing places goes all the way, others were never complete.
 
-    `beside`: a run may have begun before `target` was there, so the folder above is looked through as well.
+    `siblings`: a run may have begun before `target` was there, so the folder above is looked through as well.
     """
-    for place in (target, target.parent) if beside else (target,):
+    for place in (target, target.parent) if siblings else (target,):
         for staged in place.glob(f"{glob.escape(staged_prefix(target))}*"):
             with suppress(FileNotFoundError, ValueError):  # ValueError: killed before the first file moved
                 _change_places(staged, target, *_names(staged))
@@ -183,9 +183,9 @@ class OutputDirectory:
                 probe.write(bytes(PROBE_BYTES))
         with self._held(place):
             with self._errors(), _signals_wait():
-                clear_killed_runs(self.path, beside=not self._exists)
+                clear_killed_runs(self.path, siblings=not self._exists)
                 if place == self.path and not self._exists:
-                    clear_lock(self._lock_beside(self.path.parent))
+                    clear_lock(self._sibling_lock(self.path.parent))
                 self._refuse_foreign(RESULT_NAMES)
                 self._refuse_own(inputs)
             yield
@@ -219,22 +219,22 @@ class OutputDirectory:
             if not self.path.is_dir():
                 return None
         with self._held(self.path), self._errors(), _signals_wait():
-            clear_killed_runs(self.path, beside=not self._exists)
+            clear_killed_runs(self.path, siblings=not self._exists)
             old = self._results()
             if not old:
                 return None
             (self.path / SUPERSEDED).mkdir(exist_ok=True)
             taken = [int(p.name) for p in (self.path / SUPERSEDED).iterdir() if p.name.isdecimal()]
-            aside = self.path / SUPERSEDED / str(max(taken, default=0) + 1)
-            aside.mkdir()
+            folder = self.path / SUPERSEDED / str(max(taken, default=0) + 1)
+            folder.mkdir()
             for name in sorted(old, key=lambda name: name == RUN_FILE):  # killed before that: the rest is still known
-                os.rename(self.path / name, aside / name)
-            return aside
+                os.rename(self.path / name, folder / name)
+            return folder
 
     @contextmanager
     def _held(self, place: Path) -> Iterator[None]:
         """The lock: on the directory, or beside its place where it does not exist yet."""
-        lock = place if place == self.path else self._lock_beside(place)
+        lock = place if place == self.path else self._sibling_lock(place)
         with ExitStack() as held:
             try:
                 with self._errors():
@@ -244,7 +244,7 @@ class OutputDirectory:
                 raise OutputError(str(self.path), why) from None
             yield
 
-    def _lock_beside(self, place: Path) -> Path:
+    def _sibling_lock(self, place: Path) -> Path:
         return place / f".{self.path.name}.lock"
 
     def _place(self) -> Path:

@@ -88,8 +88,8 @@ class Lines(Reporter):
 @contextmanager
 def compilation_watch(reporter: Reporter) -> Iterator[None]:
     """Tell the reporter, once, when a kernel has to be compiled."""
-    untold = [reporter.compiling]
-    with compiling(lambda: untold.pop()() if untold else None):
+    pending = [reporter.compiling]
+    with compiling(lambda: pending.pop()() if pending else None):
         yield
 
 
@@ -102,7 +102,7 @@ def print_findings(results: Results) -> None:
     from rich.text import Text
 
     console = Console(highlight=False)
-    told: list[Gate] = []
+    listed: list[Gate] = []
     gates = len({id(artefact) for artefact in results if isinstance(artefact, Gate)})
     every = [(stage, one) for stage, made in results.artefacts.items() for one in made]
     last = next((one for _, one in reversed(every) if isinstance(one, JointInspection)), None)
@@ -119,8 +119,8 @@ def print_findings(results: Results) -> None:
             console.print(f"program: {len(artefact.feed_mm_s)} targets for {artefact.points_before} points")
         if isinstance(artefact, Rework):
             console.print(Text(one_line(f"rework: {artefact.reason}")), soft_wrap=True)
-        if isinstance(artefact, Gate) and not any(artefact is one for one in told):  # not where it is handed on alone
-            told.append(artefact)
+        if isinstance(artefact, Gate) and not any(artefact is one for one in listed):  # not where it is handed on alone
+            listed.append(artefact)
             name = "gate" if gates == 1 else f"gate {stage}"
             console.print(Text(one_line(f"{name}: {gate_summary(artefact)}")), soft_wrap=True)
 

@@ -201,19 +201,25 @@ def size_chart(s: Float, along: Quantity, seen: Bool, inspection: JointInspectio
 
 def u_chart(plan: ScanPlanFile, inspection: Inspection) -> bytes:
     """SVG of U = 2 u of root face and bevel angle along the edge: wanted and predicted by a scan plan, achieved."""
-    told, s, along = plan.predicted, inspection.profile.arc_length_mm, inspection.profile.sizes
+    prediction, s, along = plan.predicted, inspection.profile.arc_length_mm, inspection.profile.sizes
     rows = (
-        ("U root face, mm", told.root_U_mm, told.promised_root_U_mm, plan.wanted_root_U_mm, along["root_mm"].u),
+        (
+            "U root face, mm",
+            prediction.root_U_mm,
+            prediction.promised_root_U_mm,
+            plan.wanted_root_U_mm,
+            along["root_mm"].u,
+        ),
         (
             "U bevel angle, °",
-            told.bevel_U_deg,
-            told.promised_bevel_U_deg,
+            prediction.bevel_U_deg,
+            prediction.promised_bevel_U_deg,
             plan.wanted_bevel_U_deg,
             along["bevel_deg"].u,
         ),
     )
     figure = Figure(figsize=(10, 3.6))
-    at = np.array(told.arc_length_mm)
+    at = np.array(prediction.arc_length_mm)
     for axes, (name, predicted, promised, wanted, u) in zip(figure.subplots(2, 1, sharex=True), rows, strict=True):
         axes.set(xlim=(0.0, float(s[-1])))
         axes.axhline(wanted, color=LIMIT, linewidth=1.2)
@@ -261,8 +267,8 @@ def _draw_tolerance(axes: Axes, what: Characteristic, unit: str, s: Float, guard
 
 def label_level(axes: Axes, level: float, text: str, ink: str = LIMIT) -> None:
     """The name of a value, beside the axes."""
-    beside = ("axes fraction", "data")
-    axes.annotate(text, (1.0, level), (6, 0), xycoords=beside, va="center", fontsize=8, look=Lettering(ink))
+    coords = ("axes fraction", "data")
+    axes.annotate(text, (1.0, level), (6, 0), xycoords=coords, va="center", fontsize=8, look=Lettering(ink))
 
 
 SEARCHED, KEPT, REJECTS = 4_000_000, 100_000, 20_000  # grid points searched for rejects; points drawn of each sort

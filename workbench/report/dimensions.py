@@ -53,7 +53,7 @@ def dimension(
         axes.arrow(high, high + tail * along)
         axes.plot(*np.array([low, high]).T, color=INK, linewidth=THIN)
     where = {"middle": (low + high) / 2, "end": high + tail * along, "start": low - tail * along}[place]
-    _beside(axes, text, where, side)
+    _label(axes, text, where, side)
 
 
 def dimension_angle(
@@ -72,27 +72,27 @@ def dimension_angle(
         to_right: the side to which the face leans.
         inside: where the text stands.
     """
-    turned, to = np.linspace(0.0, degrees * DEG, ARC_POINTS), 1.0 if to_right else -1.0
-    arc = at + radius * np.column_stack([to * np.sin(turned), np.cos(turned)])
+    angles, to = np.linspace(0.0, degrees * DEG, ARC_POINTS), 1.0 if to_right else -1.0
+    arc = at + radius * np.column_stack([to * np.sin(angles), np.cos(angles)])
     axes.plot([at[0], at[0]], [at[1], at[1] + 1.15 * radius], color=GREY, linewidth=THIN, dashes=(9, 2.5, 2, 2.5))
     axes.plot(*arc.T, color=INK, linewidth=THIN)
     for tip, before in ((0, HEAD_DEG), (-1, -HEAD_DEG)):  # along the arc
-        angle = turned[tip] + before * DEG
+        angle = angles[tip] + before * DEG
         axes.arrow(arc[tip], at + radius * np.array([to * math.sin(angle), math.cos(angle)]), linewidth=0.0)
     if inside:
-        _beside(axes, text, arc[-1], "right" if to_right else "left", LOWER_PT)
+        _label(axes, text, arc[-1], "right" if to_right else "left", LOWER_PT)
         return
     if at[0] < 0.0:
         axes.plot([at[0], 0.0], [arc[0, 1]] * 2, color=INK, linewidth=THIN)
-    _beside(axes, text, np.array([max(at[0], 0.0), arc[0, 1]]), "right", LOWER_PT)
+    _label(axes, text, np.array([max(at[0], 0.0), arc[0, 1]]), "right", LOWER_PT)
 
 
 def dimension_radius(axes: Axes, centre: Float, to: Float, text: str) -> None:
     """An arrow from the centre of a fillet to its arc, with the value beside the centre."""
     axes.arrow(to, centre)
-    _beside(axes, text, centre, "right")
+    _label(axes, text, centre, "right")
 
 
-def _beside(axes: Axes, text: str, at: Float, side: str, up: float = 0.0) -> None:
+def _label(axes: Axes, text: str, at: Float, side: str, up: float = 0.0) -> None:
     ha, off = ("left", OFF_PT) if side == "right" else ("right", -OFF_PT)
     axes.annotate(text, tuple(at), (off, up), ha=ha, va="center", fontsize=TEXT_SIZE)

@@ -52,7 +52,7 @@ def section_tables(inspection: RecognisedInspection) -> Iterator[dict[str, Any]]
 
 # A section of a joint as an engineering drawing, its dimensions with the letters of ISO 9692-1.
 
-NEAR_MM, BESIDE_MM = 1.5, 9.0  # of a section: frames drawn; of the joint: plate drawn
+NEAR_MM, PLATE_MM = 1.5, 9.0  # of a section: frames drawn; of the joint: plate drawn
 MOST_POINTS = 12_000
 SURFACES = {"left_upper", "right_upper", "upper", "lower"}  # corners at which a plate's surface ends
 LENGTHS = (  # a size, the corners that it lies between, and where its dimension stands; of grooves, of one plate
@@ -85,7 +85,7 @@ def groove_drawing(cloud: Cloud, groove: Joint, section: Section) -> bytes:
     """SVG of a section: returns near it, corners, every size that was measured as a dimension or in words."""
     corner, uv = section.places, _points(cloud, groove, section)
     places = np.array(list(corner.values()))
-    ends = places[:, 0].min() - BESIDE_MM, places[:, 0].max() + BESIDE_MM
+    ends = places[:, 0].min() - PLATE_MM, places[:, 0].max() + PLATE_MM
     uv = uv[(uv[:, 0] > ends[0]) & (uv[:, 0] < ends[1])]
     low, high = float(places[:, 1].min()), float(places[:, 1].max())
     size = max(high - low, 0.3 * (ends[1] - ends[0]))
@@ -126,8 +126,8 @@ def _lengths(axes: Axes, section: Section, size: float) -> Iterator[str]:
     at = {
         "above": high + np.array([0.0, 0.2 * size]),
         "below": low - np.array([0.0, 0.2 * size]),
-        "left": low - np.array([0.75 * BESIDE_MM, 0.0]),
-        "right": high + np.array([0.75 * BESIDE_MM, 0.0]),
+        "left": low - np.array([0.75 * PLATE_MM, 0.0]),
+        "right": high + np.array([0.75 * PLATE_MM, 0.0]),
     }
     for name, first, last, where in LENGTHS:
         if section.values.get(name) is None or first not in corner or last not in corner:

@@ -29,7 +29,7 @@ WITHIN = ("data:image/", "#")  # pictures that the page holds, places in it
 CALLS = ("url", "image", "\\", "@")  # in a style: what could fetch something, or hide that it does
 BLOCK_POINTS = 8192
 HALF_STEPS = 32_767  # of int16
-SAMPLE, BESIDE = 50, 2048  # points whose nearest neighbour is looked for; among so many on either side, in order
+SAMPLE, WINDOW = 50, 2048  # points whose nearest neighbour is looked for; among so many on either side, in order
 
 
 class _Outside(HTMLParser):
@@ -149,8 +149,8 @@ def pitch_mm(points_mm: Float) -> float:
         return 1.0
     nearest = []
     for k in range(0, len(points_mm), max(1, len(points_mm) // SAMPLE)):
-        beside = points_mm[max(0, k - BESIDE) : k + BESIDE]
-        nearest.append(np.partition(((beside - points_mm[k]) ** 2).sum(axis=1), 1)[1])  # the very nearest is itself
+        window = points_mm[max(0, k - WINDOW) : k + WINDOW]
+        nearest.append(np.partition(((window - points_mm[k]) ** 2).sum(axis=1), 1)[1])  # the very nearest is itself
     return math.sqrt(float(np.percentile(nearest, 90.0)))
 
 
@@ -296,10 +296,10 @@ def overall(chapters: Sequence[Chapter]) -> str:
 
 def _not_checked(chapters: Sequence[Chapter]) -> list[str]:
     """What was not checked, each once; beside a certificate, what its page has room for."""
-    told = list(dict.fromkeys(one_line(text) for chapter in chapters for text in chapter.not_checked))
-    if len(told) <= MOST_OPEN or not any(chapter.certificate for chapter in chapters):
-        return told
-    return [*told[:MOST_OPEN], f"and {len(told) - MOST_OPEN} more: toolpath.json and the program's head"]
+    texts = list(dict.fromkeys(one_line(text) for chapter in chapters for text in chapter.not_checked))
+    if len(texts) <= MOST_OPEN or not any(chapter.certificate for chapter in chapters):
+        return texts
+    return [*texts[:MOST_OPEN], f"and {len(texts) - MOST_OPEN} more: toolpath.json and the program's head"]
 
 
 def _warnings(chapters: Sequence[Chapter]) -> list[str]:

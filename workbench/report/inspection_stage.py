@@ -18,12 +18,12 @@ from workbench.report.tables import (
     MOST_ROWS,
     certificate_html,
     check_rows,
+    exclusions,
     faces_seen,
     facts,
     head,
     plan_note,
     section_rows,
-    set_aside,
     verdicts_found,
 )
 from workbench.report.text import data_address, render
@@ -85,21 +85,21 @@ def inspection(
         plan = ScanPlanFile.read(scan_plan)
         if cloud.part.scan_plan == plan_id(scan_plan.read_bytes()):
             drawn["planned"] = u_chart(plan, inspection)
-    aside = plan_view(cloud, edge, inspection)
+    plan_drawing = plan_view(cloud, edge, inspection)
     sizes = inspection.characteristics
     return Chapter(
         title="Inspection",
         html=render(
             "inspection.html.j2",
             facts=list(facts(cloud, edge)),
-            pictures={name: data_address(content) for name, content in {**drawn, "plan": aside.svg}.items()},
+            pictures={name: data_address(content) for name, content in {**drawn, "plan": plan_drawing.svg}.items()},
             of_interest=of_interest(inspection).index,
             heads=list(map(head, sizes)),
             sections=section_rows(inspection, sizes) if len(inspection.sections) > MOST_ROWS else [],
             failed_checks=check_rows(inspection.checks, passed=False),
             passed_checks=check_rows(inspection.checks, passed=True),
-            set_aside=list(set_aside(cloud, edge)),
-            plan_note=plan_note(aside),
+            exclusions=list(exclusions(cloud, edge)),
+            plan_note=plan_note(plan_drawing),
             tilt=TILTS.get(inspection.root_face_tilt, inspection.root_face_tilt),
             guard_factor=inspection.guard_factor,
             faces=faces_seen(edge),

@@ -122,8 +122,8 @@ def root_ends(cloud: Cloud, edge: Edge, frames: Int) -> tuple[Points, Points]:
     frames, ends = ends_of(cloud, edge, ROOT_FACE, frames)
     first, last = (at_places(cloud, edge, frames, columns) for columns in ends)
     across = edge.across[np.isfinite(edge.across).all(axis=1)].mean(axis=0)
-    turned = ((last.position_mm - first.position_mm) @ across < 0.0)[:, None]
-    low = np.where(turned[:, 0], ends[1], ends[0])
+    is_reversed = ((last.position_mm - first.position_mm) @ across < 0.0)[:, None]
+    low = np.where(is_reversed[:, 0], ends[1], ends[0])
     return at_places(cloud, edge, frames, low), at_places(cloud, edge, frames, ends.sum(axis=0) - low)
 
 

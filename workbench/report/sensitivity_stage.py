@@ -222,8 +222,8 @@ def sensitivity(
     sensor_mm, sensor_deg = _of_edge(edge, bevel)
     tool_from, table_from, robot_from = "given", "given", "given"
     if tool is not None:
-        told, tool_from = ToolFile.read(tool), CALIBRATED
-        tool_mm, tool_deg = told.points[0].u_mm, tool_deg if told.axis is None else told.axis.u_deg
+        declared, tool_from = ToolFile.read(tool), CALIBRATED
+        tool_mm, tool_deg = declared.points[0].u_mm, tool_deg if declared.axis is None else declared.axis.u_deg
     if turntable is not None:
         table, table_from = TurntableFile.read(turntable), CALIBRATED
         turntable_mm, turntable_deg = table.u_mm, table.direction_u_deg

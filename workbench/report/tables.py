@@ -74,7 +74,7 @@ def section_rows(inspection: JointInspection, found: Sequence[Characteristic]) -
     ]
 
 
-def set_aside(cloud: Cloud, edge: Edge) -> Iterator[tuple[str, str, str]]:
+def exclusions(cloud: Cloud, edge: Edge) -> Iterator[tuple[str, str, str]]:
     """Rejected points by cause, hidden stretches and burrs: what, how much, where."""
     returns = int(np.count_nonzero(cloud.keep)) + sum(cloud.rejected.values())
     for cause, count in sorted(cloud.rejected.items()):

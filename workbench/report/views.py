@@ -32,7 +32,7 @@ LIGHT, DARK, MARKED = 225.0, 95.0, 255  # grey of the highest and of the lowest 
 CLOSE_UP_MM, SECTION_MM = 12.0, 14.0  # half the stretch of edge in close-ups of layers, and of a section
 
 
-class Shown(NamedTuple):
+class Stretch(NamedTuple):
     """The stretch of edge that the views show, and where the frames (k,) in it lie."""
 
     from_mm: float
@@ -44,14 +44,14 @@ class Shown(NamedTuple):
         return (self.from_mm + self.to_mm) / 2.0
 
 
-def shown_stretch(edge: Edge) -> Shown:
+def shown_stretch(edge: Edge) -> Stretch:
     """The whole edge, or so much about its middle as a picture can show."""
     length = float(edge.arc_length_mm[-1])
     half = min(length, MOST_MM) / 2.0
     start, end = length / 2.0 - half, length / 2.0 + half
     with np.errstate(invalid="ignore"):
         inside = (edge.frame_arc_length_mm >= start) & (edge.frame_arc_length_mm <= end)
-    return Shown(start, end, np.flatnonzero(inside))
+    return Stretch(start, end, np.flatnonzero(inside))
 
 
 def section_views(cloud: Cloud, edge: Edge, inspection: Inspection, budget: int) -> dict[str, View]:

@@ -133,8 +133,8 @@ def _refusal(error: ValidationError, document: Mapping[str, Any], path: Path, mo
             most = max([last, *(k for k in alike if isinstance(k, int))])
             return InputError(f"{path}: {place}", f"expected {most + 1} entries, found {len(holder)}")
         near = difflib.get_close_matches(str(last), holder, n=1)
-        told = f", found '{near[0]}'" if near else f", as {model.NAME} has it" if place == "$" else ""
-        return InputError(f"{path}: {place}", f"expected '{last}'{told}")
+        hint = f", found '{near[0]}'" if near else f", as {model.NAME} has it" if place == "$" else ""
+        return InputError(f"{path}: {place}", f"expected '{last}'{hint}")
     wrong, expected = problems(error, document, model)[0]
     return InputError(f"{path}: {path_of(wrong)}", expected)
 

@@ -52,8 +52,8 @@ def followed(cloud: Cloud, file: Path) -> tuple[Check, bool]:
         frames = np.isin(cloud.pass_index, done.get(k, []))
         wrong = _departures(cloud.base_from_profiler[frames], planned[k], row) if k in done else ["missing"]
         found += [f"{of}: {one}" for one in wrong]
-    told = "; ".join(found) or "done as planned"
-    return Check("scan_plan_departures", float(len(found)), 0.0, not found, REASON, told), bool(done)
+    finding = "; ".join(found) or "done as planned"
+    return Check("scan_plan_departures", float(len(found)), 0.0, not found, REASON, finding), bool(done)
 
 
 def _poses(row: ScanPassRow) -> Float:

@@ -81,10 +81,10 @@ def fuse(
     from workbench.result_files.scan_plan import plan_id  # pydantic: loaded when there is a plan
     from workbench.scan.followed import followed
 
-    told, some = followed(cloud, scan_plan)
+    departures, some = followed(cloud, scan_plan)
     if some:
         part = dataclasses.replace(part, scan_plan=part.scan_plan or plan_id(scan_plan.read_bytes()))
-    return dataclasses.replace(cloud, part=part, checks=(*checks, told))
+    return dataclasses.replace(cloud, part=part, checks=(*checks, departures))
 
 
 def sparse_poses_u(recording: Recording) -> tuple[float, float]:
@@ -103,8 +103,8 @@ def sparse_poses_u(recording: Recording) -> tuple[float, float]:
         way /= np.maximum(step, SPARSE_MM)
         turns = rotation_from_quaternion(quaternion)
         steps = vector_from_rotation(turns[1:] @ np.swapaxes(turns[:-1], 1, 2))
-        turned = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])  # of a ring more than half a turn
-        place, turn = max(place, _between(position, way, 2)), max(turn, _between(turned, 0.0 * way, 3))
+        rotation = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])  # of a ring more than half a turn
+        place, turn = max(place, _between(position, way, 2)), max(turn, _between(rotation, 0.0 * way, 3))
     return place, turn
 
 
@@ -165,9 +165,9 @@ def flange_poses(recording: Recording) -> Float:
         poses = recording.robot_pass == number
         time, known = recording.time_s[frames], recording.robot_time_s[poses]
         if len(known) > 1 and not (known[0] <= time.min() and time.max() <= known[-1]):
-            told = f"expected its frames within its poses' times {known[0]:.6g} to {known[-1]:.6g} s, "
+            expected = f"expected its frames within its poses' times {known[0]:.6g} to {known[-1]:.6g} s, "
             raise InputError(
-                f"{recording.source}: pass {number}", told + f"found {time.min():.6g} to {time.max():.6g} s"
+                f"{recording.source}: pass {number}", expected + f"found {time.min():.6g} to {time.max():.6g} s"
             )
         base_from_flange[frames] = interpolate_poses(
             time, known, recording.robot_position_mm[poses], recording.robot_quaternion_wxyz[poses]

@@ -52,8 +52,8 @@ def opened(path: Path) -> Iterator[Any]:
             if path.suffix.lower() in ENDINGS
             else f"; `workbench import --draft {path.name}` begins a recording of it"
         )
-        told = f"{str(error) or type(error).__name__}{other}"
-        raise InputError(str(path), f"expected a complete HDF5 file: {told}") from None
+        cause = f"{str(error) or type(error).__name__}{other}"
+        raise InputError(str(path), f"expected a complete HDF5 file: {cause}") from None
     if (after.st_size, after.st_mtime_ns, after.st_ino) != (before.st_size, before.st_mtime_ns, before.st_ino):
         raise InputError(str(path), "changed while it was read")
 

@@ -146,8 +146,8 @@ def next_(
     from workbench.scan_plan.information import Knowledge
     from workbench.scan_plan.plan_stage import as_profiler
 
-    told = SensorFile() if sensor is None else SensorFile.read(sensor)
-    profiler = as_profiler(_as_recorded(cloud, told), sensor)
+    declared = SensorFile() if sensor is None else SensorFile.read(sensor)
+    profiler = as_profiler(_as_recorded(cloud, declared), sensor)
     covariance = cloud.hand_eye_covariance
     turn = 0.0 if covariance is None else math.sqrt(float(np.trace(covariance[3:, 3:])) / 3.0)
     known = Knowledge(usual_noise_mm(robot_noise_mm), turn, edge_condition)
@@ -204,8 +204,8 @@ def proposals(cloud: Cloud, edge: MilledEdge, profiler: Profiler, known: Knowled
         further = seen_from(elevation * DEG)
         if further is not None:
             both = combined(joint, known, (*there, further), length)
-            told = np.array([both.root_mm, both.bevel_deg, both.most_root_mm])
-            root_u, bevel_u, most_u = (COVERAGE * np.fmin(told, now)).tolist()
+            predicted = np.array([both.root_mm, both.bevel_deg, both.most_root_mm])
+            root_u, bevel_u, most_u = (COVERAGE * np.fmin(predicted, now)).tolist()
             found.append(Proposal(elevation, root_u, bevel_u, most_u, further.step_mm == 0.0, RESERVE))
     return found
 
@@ -222,7 +222,7 @@ def _elevations(cloud: Cloud, edge: MilledEdge) -> list[float]:
     return [float(np.median(elevation[passes == one])) for one in np.unique(passes)]
 
 
-def _as_recorded(cloud: Cloud, told: SensorFile) -> SensorFile:
+def _as_recorded(cloud: Cloud, declared: SensorFile) -> SensorFile:
     """What is told, else what was returned: columns, as wide as they reach, and the noise between neighbours."""
     from workbench.scan_plan.edges import noise_mm
 
@@ -235,7 +235,7 @@ def _as_recorded(cloud: Cloud, told: SensorFile) -> SensorFile:
         "width_mm": (width, width),
         "noise_mm": max(noise_mm(z), 1e-4),
     }
-    return told.model_copy(update={key: of for key, of in returned.items() if getattr(told, key) is None})
+    return declared.model_copy(update={key: of for key, of in returned.items() if getattr(declared, key) is None})
 
 
 def _sentence(best: Proposal, left: Sequence[Open], chance: dict[int, float], stretch: tuple[float, float]) -> str:
@@ -249,12 +249,12 @@ def _sentence(best: Proposal, left: Sequence[Open], chance: dict[int, float], st
         return f"{pass_}, and the lower surface is in view." if best.shows_below else f"{pass_}; conditions remain."
     sure = sum(one >= SURE for one in chance.values())
     likely = max(math.floor(sum(chance.values())), sure)
-    told = f"{pass_}. As it also changes the values, it probably decides {likely} of {len(left)} undecided sections"
-    told += f", {sure} of them at {100 * SURE:.0f} %" if sure else ""
+    words = f"{pass_}. As it also changes the values, it probably decides {likely} of {len(left)} undecided sections"
+    words += f", {sure} of them at {100 * SURE:.0f} %" if sure else ""
     rest = [one for one in left if chance[one.section] < LIKELY]
     if not rest:
-        return f"{told}."
-    return f"{told}; {_needed(min(rest, key=lambda one: one.most))}."
+        return f"{words}."
+    return f"{words}; {_needed(min(rest, key=lambda one: one.most))}."
 
 
 def _none_decides(best: Proposal, left: Sequence[Open]) -> str:

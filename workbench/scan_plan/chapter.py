@@ -107,8 +107,8 @@ def _section_picture(made: ScanPlan, view: View) -> bytes:
         axes.plot(*np.array([start, end]).T, color=pieces.BLUE if lit else pieces.PALE, linewidth=0.7)
     laser = feet[[0, -1]] + front * towards
     axes.plot(*laser.T, linewidth=3.0)
-    beside = laser.mean(axis=0) + 0.1 * reach * towards
-    axes.annotate(f"scanner,\n{view.standoff_mm:.0f} mm away", beside, va="center")
+    label_at = laser.mean(axis=0) + 0.1 * reach * towards
+    axes.annotate(f"scanner,\n{view.standoff_mm:.0f} mm away", label_at, va="center")
     axes.plot([0.0, reach], [0.5 * joint.root_mm] * 2, color=pieces.GREY, linewidth=0.8, dashes=(6.0, 2.0, 1.0, 2.0))
     for a, b, normal, name in _faces(joint):
         if name:
@@ -120,7 +120,7 @@ def _section_picture(made: ScanPlan, view: View) -> bytes:
             else:  # at the far end of a surface, where no other name is
                 axes.annotate(name, (min(a[0], b[0]), a[1]), (4.0, -7.0 * normal[1]), va="center")
     low, high = axes.get_xlim()
-    axes.set(xlim=(low, max(high, beside[0] + (high - low) / 3.0)))  # with room for the words
+    axes.set(xlim=(low, max(high, label_at[0] + (high - low) / 3.0)))  # with room for the words
     axes.set(xticks=plot.nice_ticks(axes.get_xlim(), 6))
     axes.set(aspect="equal", xlabel="out of the root face (n), mm", ylabel="up from the lower surface (m), mm")
     return figure.svg()

@@ -27,7 +27,7 @@ from workbench.storage import read_text
 from workbench.strict_json import MAX_BYTES, read_json
 from workbench.units import DEG, TO_SD, Float, Shaped
 
-BESIDE_MM, NEAR_MM = 3.0, 80.0  # off the nominal plate, and at most from the edge: what stands there is no plate
+OFF_PLATE_MM, NEAR_MM = 3.0, 80.0  # off the nominal plate, and at most from the edge: what stands there is no plate
 SAMPLED = 40_000  # points of a coarse recording that are looked at
 SAMPLED_FRAMES = 200  # likewise, for its noise
 SECOND_DIFFERENCE = TO_SD / math.sqrt(6.0)  # standard deviation by the median of |z1 - 2 z2 + z3|
@@ -117,7 +117,7 @@ def _recorded(path: Path, upper_side: Float, joint: Joint, hand_eye: HandEye | N
             raise raw from None
     seen = np.isfinite(found.position_mm).all(axis=1)
     line = EdgeLine.through(found.position_mm[seen], found.across[seen], path)
-    return replace(line, beside_mm=_beside(points, line, joint), roughness_mm=roughness_mm(points, found))
+    return replace(line, surroundings_mm=_surroundings(points, line, joint), roughness_mm=roughness_mm(points, found))
 
 
 def roughness_mm(cloud: Cloud, found: Edge) -> float:
@@ -139,14 +139,14 @@ def noise_mm(z: Shaped[Float, "f c"]) -> float:
     return SECOND_DIFFERENCE * float(np.nanmedian(np.abs(z[:, :-2] - 2.0 * z[:, 1:-1] + z[:, 2:])))
 
 
-def _beside(cloud: Cloud, line: EdgeLine, joint: Joint) -> Float:
+def _surroundings(cloud: Cloud, line: EdgeLine, joint: Joint) -> Float:
     """Points (b, 3) near the edge that lie off the nominal plate: clamps, stops, a table."""
     origin = line.position_mm[0]
     points = fuse(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, origin)[cloud.keep] + origin
     points = points[:: max(1, len(points) // SAMPLED)]
     nearest = KDTree(line.position_mm).query(points)[1]
     n, m = components(points - line.position_mm[nearest], line.normal[nearest], line.across[nearest]).T
-    outside = (n > BESIDE_MM) | (m > joint.thickness_mm + BESIDE_MM) | (m < -BESIDE_MM)
+    outside = (n > OFF_PLATE_MM) | (m > joint.thickness_mm + OFF_PLATE_MM) | (m < -OFF_PLATE_MM)
     return np.asarray(points[outside & (np.hypot(n, m) < NEAR_MM)])
 
 

@@ -160,8 +160,8 @@ def incidences(joint: Joint, view: View) -> tuple[float, float, float]:
 def hidden_why(joint: Joint, profiler: Profiler, view: View) -> str | None:
     """Why a pass with this view cannot measure the joint; None: it can."""
     root, bevel, lower = incidences(joint, view)
-    beside = [("plate's surfaces", min(lower, math.pi - lower))] if joint.raw else []  # a raw edge ends at them
-    for face, incidence in (("root face", root), ("bevel face", bevel), *beside):
+    further = [("plate's surfaces", min(lower, math.pi - lower))] if joint.raw else []  # a raw edge ends at them
+    for face, incidence in (("root face", root), ("bevel face", bevel), *further):
         if incidence > MOST_INCIDENCE:
             return f"the {face} at {incidence / DEG:.0f} deg of incidence, at most {MOST_INCIDENCE / DEG:g}"
     across, away = seen_extent_mm(joint, view)
@@ -169,7 +169,7 @@ def hidden_why(joint: Joint, profiler: Profiler, view: View) -> str | None:
         wide = profiler.line_mm(view.standoff_mm - 0.5 * away)
         return f"a section of {across:.1f} mm across in a laser line of {wide:.1f} mm"
     near, far = profiler.range_mm
-    if view.standoff_mm - 0.5 * away - BESIDE_MM < near or view.standoff_mm + 0.5 * away + BESIDE_MM > far:
+    if view.standoff_mm - 0.5 * away - MARGIN_MM < near or view.standoff_mm + 0.5 * away + MARGIN_MM > far:
         return f"{away:.1f} mm of depth about {view.standoff_mm:.0f} mm in a measuring range of {near:g} to {far:g} mm"
     pitch = profiler.pitch_mm(view.standoff_mm)
     for face, width, incidence in (("root face", joint.root_mm, root), ("bevel face", joint.bevel_width_mm, bevel)):
@@ -178,7 +178,7 @@ def hidden_why(joint: Joint, profiler: Profiler, view: View) -> str | None:
     return None
 
 
-BESIDE_MM = 1.0  # of the view, that stay free on both sides of the section
+MARGIN_MM = 1.0  # of the view, that stay free on both sides of the section
 
 
 def seen_extent_mm(joint: Joint, view: View) -> tuple[float, float]:
@@ -192,7 +192,7 @@ def seen_extent_mm(joint: Joint, view: View) -> tuple[float, float]:
 def room_mm(joint: Joint, profiler: Profiler, view: View) -> float:
     """By how much the section may move across the laser line."""
     across, away = seen_extent_mm(joint, view)
-    return profiler.line_mm(view.standoff_mm - 0.5 * away) - across - 2.0 * BESIDE_MM
+    return profiler.line_mm(view.standoff_mm - 0.5 * away) - across - 2.0 * MARGIN_MM
 
 
 @functools.lru_cache(maxsize=1024)
@@ -380,10 +380,10 @@ def combined(joint: Joint, known: Knowledge, passes: Sequence[PassInformation], 
     lower_mm = float(by_end @ [one.lower_mm for one in passes])
     beta = joint.bevel
     lever = 0.5 * joint.bevel_width_mm
-    turned = math.hypot(lever / math.sin(beta) * bevel_u, 0.5 * joint.root_mm / math.tan(beta) * root_u)
+    directions = math.hypot(lever / math.sin(beta) * bevel_u, 0.5 * joint.root_mm / math.tan(beta) * root_u)
     corner = (root_form[2] / math.tan(beta), root_form[1] * steep, bevel_form[1] / math.sin(beta))
     leverage = math.sqrt(max(run_r**2 + run_b**2 - 2.0 * run_r * run_b * math.cos(beta), 0.0))
-    seen = math.hypot(end, turned, tangent * run_r * joint.root_mm, lower_mm, *corner)
+    seen = math.hypot(end, directions, tangent * run_r * joint.root_mm, lower_mm, *corner)
     bevel = math.hypot(root_u, bevel_u, tangent * leverage, root_form[0], bevel_form[0])
     return Predicted(math.hypot(seen, rounding), bevel / DEG, math.hypot(seen, rounding_most))
 

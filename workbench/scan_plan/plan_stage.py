@@ -81,7 +81,7 @@ NO_HAND_EYE = "reach and collisions: no hand_eye gives the scanner's pose on the
 NO_ROUGHNESS = "roughness of the root face, which is taken for smooth: roughness_mm, or a coarse recording as edge"
 MOST_ROUGH_MM = 0.3  # that can be rehearsed
 HALF = 0.5
-TOLD = 4
+MOST_CAUSES = 4
 
 Positive = Annotated[float, Field(gt=0, le=1e4)]
 
@@ -91,7 +91,7 @@ class ScanPass:
     """One pass of a plan, k stations."""
 
     view: View
-    turned: bool  # by half a turn about the rays
+    half_turn: bool  # by half a turn about the rays
     edge: EdgeLine  # its stations, those beyond the ends included
     base_from_view: Shaped[Float, "k 4 4"]
     sees: Shaped[Bool, " s"]  # of the plan's stations
@@ -250,8 +250,8 @@ def _joint(
     if model is not None:
         low, high = np.transpose([model.thickness_mm, model.root_mm, model.bevel_deg])
         usual = tuple((0.5 * (low + high)).tolist())
-    told = (thickness_mm, root_mm, bevel_deg)
-    thickness, root, bevel = (a if b is None else b for a, b in zip(usual, told, strict=True))
+    given = (thickness_mm, root_mm, bevel_deg)
+    thickness, root, bevel = (a if b is None else b for a, b in zip(usual, given, strict=True))
     if root >= thickness:
         raise InputError("scan.plan", f"expected root_mm below thickness_mm, {thickness:g}, found {root:g}")
     return Joint(thickness, root, bevel * DEG, raw)
@@ -431,9 +431,9 @@ def _learn(made: ScanPlan, search: Search, chosen: tuple[int, ...]) -> None:
         if made.refused is not None:
             search.learned.append(Learned(views, math.inf, math.inf))
         elif here.any():
-            told = search.predicted(group)
-            root = float(np.median(made.promised_root_mm[here])) / (RESERVE * COVERAGE * told.most_root_mm)
-            bevel = float(np.median(made.promised_bevel_deg[here])) / (RESERVE * COVERAGE * told.bevel_deg)
+            prediction = search.predicted(group)
+            root = float(np.median(made.promised_root_mm[here])) / (RESERVE * COVERAGE * prediction.most_root_mm)
+            bevel = float(np.median(made.promised_bevel_deg[here])) / (RESERVE * COVERAGE * prediction.bevel_deg)
             search.learned.append(Learned(views, root, bevel))
 
 
@@ -476,14 +476,14 @@ def _looked(task: Task, examiner: Examiner | None, table: float) -> _Looked:
             if hidden_why(task.joint, task.profiler, view):
                 continue
             both = tuple(view_poses(at, task.joint, view, half, task.edge.length_mm, drift) for half in (False, True))
-            turned, sees, fastest = False, np.ones(at.arc_length_mm.size, bool), task.most_speed_mm_s
+            half_turn, sees, fastest = False, np.ones(at.arc_length_mm.size, bool), task.most_speed_mm_s
             if examiner is not None:
                 reached = examiner.reach(both[0], (both[0], both[1]), table)
                 if isinstance(reached, str):
                     found.refused[view] = reached
                     continue
-                turned, fastest = reached.turned, min(fastest, reached.fastest_mm_s)
-                names = examiner.shadows(corners, eyes_mm(task.profiler, view, both[int(turned)]), table)
+                half_turn, fastest = reached.half_turn, min(fastest, reached.fastest_mm_s)
+                names = examiner.shadows(corners, eyes_mm(task.profiler, view, both[int(half_turn)]), table)
                 sees = np.array([not name for name in names])
                 found.shadows.append((view, names))
             if not sees.any():
@@ -491,7 +491,7 @@ def _looked(task: Task, examiner: Examiner | None, table: float) -> _Looked:
             for pitch in dict.fromkeys(min(one, fastest / task.frame_rate_hz) for one in task.pitches_mm):
                 one = view._replace(frame_pitch_mm=pitch)
                 seconds = (task.edge.length_mm + 2.0 * OVERRUN_MM) / (pitch * task.frame_rate_hz) + PASS_S
-                found.candidates.append(Candidate(one, turned, sees, seconds))
+                found.candidates.append(Candidate(one, half_turn, sees, seconds))
         if found.candidates and np.any([one.sees for one in found.candidates], axis=0).all():
             break
     return found
@@ -501,20 +501,20 @@ def _made(task: Task, looked: _Looked, chosen: tuple[int, ...]) -> ScanPlan:
     """The plan of chosen candidates, with what is promised: what they tell of the edge that hides most."""
     quickest_first = sorted(chosen, key=lambda k: looked.candidates[k].seconds)
     passes = tuple(_pass(task, looked, k, (-1.0) ** number) for number, k in enumerate(quickest_first))
-    told = _rehearsal(task, passes, Supposed(edges_of(task.known.edge_condition)[-1], WAVE_MM, 0))
+    rehearsal = _rehearsal(task, passes, Supposed(edges_of(task.known.edge_condition)[-1], WAVE_MM, 0))
     return ScanPlan(
         *task[:4],
         passes,
         task.stations,
-        told.root,
-        told.bevel,
-        RESERVE * COVERAGE * told.root.u,
-        RESERVE * COVERAGE * told.bevel.u,
+        rehearsal.root,
+        rehearsal.bevel,
+        RESERVE * COVERAGE * rehearsal.root.u,
+        RESERVE * COVERAGE * rehearsal.bevel.u,
         task.wanted,
         (),
         (),
         looked.table,
-        told.refused,
+        rehearsal.refused,
     )
 
 
@@ -526,7 +526,7 @@ def _rehearsal(task: Task, passes: tuple[ScanPass, ...], supposed: Supposed) -> 
     led = []
     for one in passes:
         at = line.at(share * one.edge.arc_length_mm)
-        poses = view_poses(at, task.joint, one.view, one.turned, line.length_mm, share * one.drift_mm)
+        poses = view_poses(at, task.joint, one.view, one.half_turn, line.length_mm, share * one.drift_mm)
         led.append(dataclasses.replace(one, base_from_view=poses))
     sees = np.stack([one.sees for one in passes])
     return rehearsed(*task[:3], _followed(task.profiler, led, True, ""), sees, stations, supposed)
@@ -554,8 +554,8 @@ def _pass(task: Task, looked: _Looked, k: int, side: float) -> ScanPass:
     ends = max(seen[0] - STATION_MM, 0.0) - OVERRUN_MM, min(seen[-1] + STATION_MM, task.edge.length_mm) + OVERRUN_MM
     at = task.edge.at(np.linspace(*ends, max(3, round(ends[1] - ends[0]) + 1)))
     drift = side * task.drift_mm(view)
-    poses = view_poses(at, task.joint, view, candidate.turned, task.edge.length_mm, drift)
-    return ScanPass(view, candidate.turned, at, poses, sees, speed, drift, candidate.seconds)
+    poses = view_poses(at, task.joint, view, candidate.half_turn, task.edge.length_mm, drift)
+    return ScanPass(view, candidate.half_turn, at, poses, sees, speed, drift, candidate.seconds)
 
 
 def _binds(task: Task, looked: _Looked, made: ScanPlan) -> Iterator[str]:
@@ -578,9 +578,9 @@ def _binds(task: Task, looked: _Looked, made: ScanPlan) -> Iterator[str]:
             worst = int(np.nanargmax(np.where(short, promised, np.nan)))
             source = max(quantity.u_by_source, key=lambda name: quantity.u_by_source[name][worst])
             first, last = np.flatnonzero(short)[[0, -1]]
-            told = f"{COVERAGE * quantity.u[worst]:.3g} {quantity.unit}"
+            predicted_u = f"{COVERAGE * quantity.u[worst]:.3g} {quantity.unit}"
             yield (
-                f"U of {quantity.name} is predicted as {told}, by what noise and edge leave open up to "
+                f"U of {quantity.name} is predicted as {predicted_u}, by what noise and edge leave open up to "
                 f"{promised[worst]:.3g}, wanted {most:.3g}, from {stations[first]:.0f} to {stations[last]:.0f} mm: "
                 f"most of it by the {source}"
             )
@@ -595,7 +595,7 @@ def _summary(refused: dict[View, str]) -> str:
         causes.setdefault(why, []).append(view.elevation / DEG)
     if not causes:
         return "something stands in the way of laser or camera everywhere"
-    ranked = sorted(causes.items(), key=lambda one: -len(one[1]))[:TOLD]
+    ranked = sorted(causes.items(), key=lambda one: -len(one[1]))[:MOST_CAUSES]
     return "; ".join(f"elevations of {min(e):.0f} to {max(e):.0f} deg: {why}" for why, e in ranked)
 
 

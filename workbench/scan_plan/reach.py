@@ -41,18 +41,18 @@ fcl = Extra("fcl")
 PLATE_MM = 150.0  # of the plate behind its edge that is a body to run into
 PIECE_MM = 50.0  # of a curved edge, that a box of the plate follows
 RAY_MM = 0.5  # radius of a ray that must be free
-BESIDE_RAY_MM = 2.0  # of a ray's ends and sides, where a body's box counts as near
+RAY_MARGIN_MM = 2.0  # of a ray's ends and sides, where a body's box counts as near
 GENTLE, LEAST = 0.8, 1e-6  # share of what a joint can do, that a pass may ask for; s/mm
 MOST_TURN = 0.35  # rad, of a joint between two stations
 VOXEL_MM = 4.0
-BODY, BESIDE = "workpiece", "seen beside the plate"
+BODY, SURROUNDINGS = "workpiece", "seen beside the plate"
 
 
 class Reached(NamedTuple):
     """How the robot stands along a pass, at k stations."""
 
     joints: Shaped[Float, "k 6"]  # rad
-    turned: bool  # the scanner by half a turn about its rays
+    half_turn: bool  # the scanner by half a turn about its rays
     fastest_mm_s: float  # that the joints follow
 
 
@@ -71,7 +71,7 @@ class Examiner:
         self.boxes = [np.stack([one.min(axis=0), one.max(axis=0)]) for one in corners]  # each in the shape's frame
         self.on_base = frozenset(shape.body for shape, _ in self.rays if shape.link == ON_BASE)
 
-    def reach(self, base_from_view: Float, turned: Sequence[Float], table: float) -> Reached | str:
+    def reach(self, base_from_view: Float, orientations: Sequence[Float], table: float) -> Reached | str:
         """Postures along poses (k, 4, 4) of a part that stands as planned, the turntable at `table`; or why not.
 
         turned: the same poses as they are and, if that is tried too, by half a turn about the rays.
@@ -80,7 +80,7 @@ class Examiner:
         back = inverse(self.cell.flange_from_cutter)
         found: list[tuple[float, bool, Float]] = []
         why = "out of the robot's reach"
-        for number, poses in enumerate(turned):
+        for number, poses in enumerate(orientations):
             branches = within_limits(self.cell.chain, inverse_kinematics(self.cell.chain, move @ poses @ back))
             for joints in _followed(branches):
                 if np.isnan(joints).any():
@@ -150,7 +150,7 @@ class Examiner:
 def _passes(start: Float, way: Float, box: Shaped[Float, "2 3"]) -> Bool:
     """Whether ways (..., 3) from their starts meet a box along the axes, least and greatest corner, or come near."""
     step = np.where(way == 0.0, 1e-9, way)
-    near, far = ((side - start) / step for side in box + np.array([[-BESIDE_RAY_MM], [BESIDE_RAY_MM]]))
+    near, far = ((side - start) / step for side in box + np.array([[-RAY_MARGIN_MM], [RAY_MARGIN_MM]]))
     enter, leave = np.minimum(near, far).max(axis=-1), np.maximum(near, far).min(axis=-1)
     return np.asarray((enter <= leave) & (leave >= 0.0) & (enter <= 1.0))
 
@@ -208,9 +208,9 @@ def scan_cell(
     link = ON_BASE if cell.turntable is None else ON_TURNTABLE
     part_from_base = np.eye(4) if cell.turntable is None else inverse(turntable_pose(cell, 0.0))
     plate = [] if any(shape.body == BODY for shape in kept) else list(_plate(edge, joint, part_from_base, link))
-    if edge.beside_mm is not None and len(edge.beside_mm):
-        seen = scanned(edge.beside_mm, VOXEL_MM, link, part_from_base, edge.source)
-        plate += [dataclasses.replace(shape, body=BESIDE) for shape in seen]
+    if edge.surroundings_mm is not None and len(edge.surroundings_mm):
+        seen = scanned(edge.surroundings_mm, VOXEL_MM, link, part_from_base, edge.source)
+        plate += [dataclasses.replace(shape, body=SURROUNDINGS) for shape in seen]
     return dataclasses.replace(
         cell.without_contact, shapes=(*kept, *body, *plate), flange_from_cutter=flange_from_profiler @ look
     )

@@ -33,7 +33,7 @@ class Candidate(NamedTuple):
     """A pass that could be driven."""
 
     view: View
-    turned: bool  # by half a turn about the rays
+    half_turn: bool  # by half a turn about the rays
     sees: Shaped[Bool, " k"]  # stations
     seconds: float
 
@@ -88,14 +88,14 @@ class Search:
 
     def predicted(self, passes: tuple[int, ...]) -> Predicted:
         """What these passes tell together where all of them see the edge."""
-        return _told(self.joint, self.profiler, self.known, self.views(passes), self.length_mm)
+        return _prediction(self.joint, self.profiler, self.known, self.views(passes), self.length_mm)
 
     def over(self, passes: tuple[int, ...]) -> tuple[float, float]:
         """Promised over wanted U of root face and bevel angle where all of these passes see the edge."""
-        told = self.predicted(passes)
-        root, bevel = told.most_root_mm / self.wanted.root_mm, told.bevel_deg / self.wanted.bevel_deg
-        told_by = ((one.away(self.views(passes)), one) for one in self.learned)
-        (other, _), nearest = min(told_by, default=((True, 0.0), None))
+        prediction = self.predicted(passes)
+        root, bevel = prediction.most_root_mm / self.wanted.root_mm, prediction.bevel_deg / self.wanted.bevel_deg
+        by_distance = ((one.away(self.views(passes)), one) for one in self.learned)
+        (other, _), nearest = min(by_distance, default=((True, 0.0), None))
         if nearest is not None and not other:
             root, bevel = nearest.root * root, nearest.bevel * bevel
         return RESERVE * COVERAGE * root, RESERVE * COVERAGE * bevel
@@ -157,7 +157,7 @@ class Search:
         found: dict[tuple[View, bool, bytes], list[int]] = {}
         for k in sorted(range(len(self.candidates)), key=lambda k: self.candidates[k].seconds):
             one = self.candidates[k]
-            found.setdefault((one.view._replace(frame_pitch_mm=0.0), one.turned, one.sees.tobytes()), []).append(k)
+            found.setdefault((one.view._replace(frame_pitch_mm=0.0), one.half_turn, one.sees.tobytes()), []).append(k)
         return list(found.values())
 
     def _choices(self, ways: Sequence[list[int]]) -> list[tuple[int, ...]]:
@@ -171,8 +171,10 @@ class Search:
 
 
 @functools.lru_cache(maxsize=8192)
-def _told(joint: Joint, profiler: Profiler, known: Knowledge, views: tuple[View, ...], length_mm: float) -> Predicted:
-    """What views that see the joint tell together: as much with a lead to either side."""
-    either = [view._replace(lead=abs(view.lead)) for view in views]
-    each = [information(joint, profiler, known, view, length_mm) for view in either]
+def _prediction(
+    joint: Joint, profiler: Profiler, known: Knowledge, views: tuple[View, ...], length_mm: float
+) -> Predicted:
+    """What views that see the joint determine together: as much with a lead to either side."""
+    unsigned = [view._replace(lead=abs(view.lead)) for view in views]
+    each = [information(joint, profiler, known, view, length_mm) for view in unsigned]
     return combined(joint, known, [one for one in each if one is not None], length_mm)

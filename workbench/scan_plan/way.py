@@ -14,7 +14,7 @@ from workbench.errors import InputError
 from workbench.geometry.moves import arc_lengths_mm, chords_mm, interpolated
 from workbench.geometry.poses import pose_from
 from workbench.path.course import unit
-from workbench.scan_plan.information import BESIDE_MM, Joint, Profiler, View, room_mm
+from workbench.scan_plan.information import MARGIN_MM, Joint, Profiler, View, room_mm
 from workbench.units import Float, Shaped
 
 LEAST_MM = 5.0  # of edge, as an inspection needs
@@ -32,7 +32,7 @@ class EdgeLine:
     normal: Shaped[Float, "k 3"]  # n: outward normal of the root face
     across: Shaped[Float, "k 3"]  # m: from the lower to the upper side
     source: str
-    beside_mm: Shaped[Float, "b 3"] | None = None  # what a coarse recording saw beside the plate, in the base
+    surroundings_mm: Shaped[Float, "b 3"] | None = None  # what a coarse recording saw beside the plate, in the base
     roughness_mm: float | None = None  # of the end face, three standard deviations, as it saw it
 
     @property
@@ -59,12 +59,12 @@ class EdgeLine:
         at = np.linspace(0.0, along[-1], max(2, round(along[-1] / STATION_MM) + 1))
         both = np.union1d(along, at)  # a long straight piece holds the curve too
         every = interpolated(both, along, points).T
-        told, up = (interpolated(at, along, a) for a in (points, upper))
-        for room in 0.5 * BESIDE_MM * 0.5 ** np.arange(12):  # less where the mean hides a corner that is cut
+        given, up = (interpolated(at, along, a) for a in (points, upper))
+        for room in 0.5 * MARGIN_MM * 0.5 ** np.arange(12):  # less where the mean hides a corner that is cut
             spline = splprep(every, u=both, k=min(2, len(both) - 1), s=len(both) * room**2)[0]
             position, tangent = (np.stack(splev(at, spline, der), axis=1) for der in (0, 1))
-            off = gaussian_filter1d(position - told, SMOOTH_MM / STATION_MM, axis=0, mode="nearest")
-            if np.linalg.norm(off, axis=1).max() <= BESIDE_MM:
+            off = gaussian_filter1d(position - given, SMOOTH_MM / STATION_MM, axis=0, mode="nearest")
+            if np.linalg.norm(off, axis=1).max() <= MARGIN_MM:
                 break
         at = arc_lengths_mm(position)
         tangent = unit(tangent)
@@ -84,7 +84,7 @@ class EdgeLine:
         )
         tangent, across = unit(tangent), unit(across)
         position = position + (s - inside)[:, None] * tangent
-        return EdgeLine(s, position, tangent, np.cross(tangent, across), across, self.source, self.beside_mm)
+        return EdgeLine(s, position, tangent, np.cross(tangent, across), across, self.source, self.surroundings_mm)
 
 
 def drift_mm(joint: Joint, profiler: Profiler, view: View, length_mm: float) -> float:
@@ -106,12 +106,12 @@ def aim_mm(joint: Joint, view: View) -> Shaped[Float, " 2"]:
 
 
 def view_poses(
-    edge: EdgeLine, joint: Joint, view: View, turned: bool, length_mm: float, drift_mm: float
+    edge: EdgeLine, joint: Joint, view: View, half_turn: bool, length_mm: float, drift_mm: float
 ) -> Shaped[Float, "k 4 4"]:
     """base_from_view at the stations of an edge `length_mm` long.
 
-    The view's origin is the laser's middle at the stand-off, x across the view, z along the rays, y = z x x. `turned`:
-    by half a turn about the rays, so that y is -t. The view drifts across, by `drift_mm` on the whole way.
+    The view's origin is the laser's middle at the stand-off, x across the view, z along the rays, y = z x x. With a
+    `half_turn` about the rays y is -t. The view drifts across, by `drift_mm` on the whole way.
     """
     s, c = math.sin(view.elevation), math.cos(view.elevation)
     n, m, t = edge.normal, edge.across, edge.tangent
@@ -120,7 +120,7 @@ def view_poses(
     u, v = aim_mm(joint, view)
     origin = edge.position_mm + u * n + v * m + (share * drift_mm)[:, None] * x
     z = math.cos(view.lead) * z + math.sin(view.lead) * np.cross(x, z)
-    x = -x if turned else x
+    x = -x if half_turn else x
     return pose_from(np.stack([x, np.cross(z, x), z], axis=2), origin) if len(t) else np.empty((0, 4, 4))
 
 

@@ -10,7 +10,7 @@ from workbench.errors import InputError, OutputError
 from workbench.result_files import SubmissionFile, TruthFile
 from workbench.score.judge import judged
 from workbench.score.page import COLUMNS, card_html, picture
-from workbench.storage import beside
+from workbench.storage import partial_path
 from workbench.strict_json import strict_json
 
 LARGEST = 2**27  # bytes of a file
@@ -24,13 +24,13 @@ def score(submission: Path, truth: Path, out: Path | None) -> str:
         OutputError: the card cannot be written.
     """
     truth = truth / TruthFile.NAME if truth.is_dir() else truth
-    told, true = SubmissionFile.read(submission, LARGEST), TruthFile.read(truth, LARGEST)
-    if told.track and true.track and told.track != true.track:
-        raise InputError(f"{submission}: $.track", f"expected '{true.track}' as in {truth}, found '{told.track}'")
-    if not set(told.recordings) & set(true.recordings):
+    answer, true = SubmissionFile.read(submission, LARGEST), TruthFile.read(truth, LARGEST)
+    if answer.track and true.track and answer.track != true.track:
+        raise InputError(f"{submission}: $.track", f"expected '{true.track}' as in {truth}, found '{answer.track}'")
+    if not set(answer.recordings) & set(true.recordings):
         example = next(iter(true.recordings), "none")
         raise InputError(f"{submission}: $.recordings", f"expected names as in {truth}, such as '{example}'")
-    card = judged(told.document, true.document)
+    card = judged(answer.document, true.document)
     if out is not None:
         svg = picture([card])
         write(out, {"card.json": strict_json(card), "card.html": card_html(card, svg), "card.svg": svg})
@@ -43,12 +43,12 @@ def text(card: Mapping[str, Any]) -> str:
         f"{card['method']}: score {card['score']:.4f} over {card['recordings']} recordings (0 best, 1 refuses all)"
     ]
     for name, one in card["quantities"].items():
-        told = (
+        values = (
             f"{label} {scale * one[key]:.{digits}f}"
             for key, (label, scale, digits) in COLUMNS.items()
             if one[key] is not None
         )
-        lines.append(f"  {name}: {', '.join(told)}")
+        lines.append(f"  {name}: {', '.join(values)}")
     unknown = card["unknown_recordings"]
     return "\n".join([*lines, *([f"  not of this truth: {', '.join(unknown[:5])}"] if unknown else [])])
 
@@ -57,7 +57,7 @@ def write(folder: Path, files: Mapping[str, bytes]) -> None:
     """All of them or none."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        partial = {folder / name: beside(folder / name) for name in files}
+        partial = {folder / name: partial_path(folder / name) for name in files}
         try:
             for part, content in zip(partial.values(), files.values(), strict=True):
                 part.write_bytes(content)

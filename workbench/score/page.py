@@ -58,8 +58,8 @@ def picture(cards: Sequence[Mapping[str, Any]]) -> bytes:
 
 def card_html(card: Mapping[str, Any], svg: bytes) -> bytes:
     """One page that needs nothing else: the table, the picture, and what the columns mean."""
-    told = [card["track"], card["set"], f"benchmark {card['benchmark']}" if card["benchmark"] else None]
-    where = html.escape(", ".join(str(word) for word in told if word))
+    labels = [card["track"], card["set"], f"benchmark {card['benchmark']}" if card["benchmark"] else None]
+    where = html.escape(", ".join(str(word) for word in labels if word))
     rows = [
         [
             name,

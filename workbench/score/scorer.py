@@ -75,7 +75,7 @@ def compare(truth: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Fou
     wanted = np.setdiff1d(np.searchsorted(ends, arc[seen]), np.searchsorted(ends, arc[~seen]))  # seen whole
 
     def column(name: str, *shape: int) -> Array:
-        return np.array([_told(row, name, *shape) for row in rows], float).reshape(-1, *shape)
+        return np.array([_entry(row, name, *shape) for row in rows], float).reshape(-1, *shape)
 
     def at(name: str) -> Array:
         return np.asarray(((1.0 - share) * true[name][first].T + share * true[name][first + 1].T).T)
@@ -101,17 +101,17 @@ def compare(truth: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Fou
 
 def _hand_eye(true: Array, found: Mapping[str, Any]) -> dict[str, Found]:
     """Translation, and to first order the rotation vector w of R_true = exp(w) R in the flange: three values each."""
-    pose = _told(found, "flange_from_profiler", 4, 4)
+    pose = _entry(found, "flange_from_profiler", 4, 4)
     turn, out = np.degrees(true[:3, :3] @ pose[:3, :3].T) / 2.0, {}
     w = turn[[2, 0, 1], [1, 2, 0]] - turn[[1, 2, 0], [2, 0, 1]]
     for name, error in (("translation_mm", true[:3, 3] - pose[:3, 3]), ("rotation_deg", w)):
-        u = _told(found, u_of(name), 3)
+        u = _entry(found, u_of(name), 3)
         good = np.isfinite(error) & (u > 0.0)
         out[name] = Found(error[good], u[good], np.arange(3)[good], np.arange(3))
     return out
 
 
-def _told(row: Mapping[str, Any], name: str, *shape: int) -> Array:
+def _entry(row: Mapping[str, Any], name: str, *shape: int) -> Array:
     return np.full(shape, np.nan) if row.get(name) is None else np.array(row[name], float)
 
 

@@ -36,7 +36,7 @@ _ALONG = 0.1  # an axis that leans more than this out of the plane is not looked
 # The lines (dexels) on which a part's material is counted while it is milled: normal to a bevel plane.
 
 U_STEP_MM, W_STEP_MM = 0.2, 0.1
-_BESIDE_MM = 1.5  # lines lie so far beyond the face at its two edges
+_MARGIN_MM = 1.5  # lines lie so far beyond the face at its two edges
 _NEAR_MM = 0.05  # a ray starts this far above the highest place that its line can have
 
 
@@ -70,21 +70,21 @@ def _cut_column(
     height: Float, lines: Lines, column: int, c: Float, a: Float, radius: float, tip: float, ball: bool
 ) -> None:
     """Cut one column's lines by the cylinder of axis c + s a, s <= tip, and by the ball at its end."""
-    ba, aa, bq, qa, q_aside, qq = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    ba, aa, bq, qa, q_across, qq = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(3):
         up, across, q = lines.up[column, k], lines.across[column, k], lines.base[column, k] - c[k]
         ba += up * a[k]
         aa += across * a[k]
         bq += up * q
         qa += q * a[k]
-        q_aside += q * across
+        q_across += q * across
         qq += q * q
     bb = 1.0 - ba * ba  # squared length of the line's direction across the axis
     inner = qq - qa * qa - radius * radius
     for row in range(height.shape[1]):
         w = lines.w_first + row * lines.w_step
         along = (bq - qa * ba) - w * aa * ba
-        outside = inner + 2.0 * w * (q_aside - qa * aa) + w * w * (1.0 - aa * aa)
+        outside = inner + 2.0 * w * (q_across - qa * aa) + w * w * (1.0 - aa * aa)
         below, above = -math.inf, math.inf
         if bb > _ALMOST_PARALLEL:
             reach = along * along - bb * outside
@@ -117,9 +117,9 @@ def _cut_column(
 def _passes_above(lines: Lines, rows: int, column: int, c: Float, a: Float, radius: float, highest: float) -> bool:
     """Whether the cylinder surely stays above `highest` on all lines of a column: then nothing is to be cut.
 
-    Where it is `aside` from the column's plane, it reaches down sqrt(radius^2 - aside^2) from its axis at most.
+    Where it is `offset` from the column's plane, it reaches down sqrt(radius^2 - offset^2) from its axis at most.
     """
-    up, across, forward, height, w, aside = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    up, across, forward, height, w, offset = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(3):
         n, m = (k + 1) % 3, (k + 2) % 3
         tangent = lines.up[column, n] * lines.across[column, m] - lines.up[column, m] * lines.across[column, n]
@@ -129,13 +129,13 @@ def _passes_above(lines: Lines, rows: int, column: int, c: Float, a: Float, radi
         forward += tangent * a[k]
         height += lines.up[column, k] * q
         w += lines.across[column, k] * q
-        aside += tangent * q
+        offset += tangent * q
     if abs(across) < _ALONG:
         return False
     low = (lines.w_first - radius - w) / across  # the stretch of the axis that can come near these lines
     high = (lines.w_first + (rows - 1) * lines.w_step + radius - w) / across
-    nearest = min(abs(aside + low * forward), abs(aside + high * forward))
-    if (aside + low * forward) * (aside + high * forward) < 0.0:
+    nearest = min(abs(offset + low * forward), abs(offset + high * forward))
+    if (offset + low * forward) * (offset + high * forward) < 0.0:
         nearest = 0.0
     down = math.sqrt(max(radius * radius - nearest * nearest, 0.0))
     return nearest >= radius or height + min(low * up, high * up) - down >= highest
@@ -189,8 +189,8 @@ def new_cut(surface: raycast.Surface, root_mm: float, bevel: float) -> Cut:
     """Nothing cut yet: lines from beyond the root face's lower edge to beyond the bevel's upper edge."""
     columns, tilt = math.ceil(surface.length / U_STEP_MM) + 1, surface.tilt + surface.twist * _ends(surface)
     upper_edge = float(np.max((surface.top - np.cos(tilt) * root_mm) / np.cos(bevel - tilt)))
-    first = -root_mm * math.cos(bevel) - _BESIDE_MM
-    rows = max(2, math.ceil((upper_edge + _BESIDE_MM - first) / W_STEP_MM) + 1)
+    first = -root_mm * math.cos(bevel) - _MARGIN_MM
+    rows = max(2, math.ceil((upper_edge + _MARGIN_MM - first) / W_STEP_MM) + 1)
     uncut = np.full((columns, rows), np.inf)
     return Cut(uncut, uncut, surface.length / (columns - 1), first, W_STEP_MM, root_mm, bevel, 0)
 
@@ -249,8 +249,8 @@ def clamp_overlap(
     middle, extent = points.mean(axis=0), float(np.ptp(points, axis=0).max())
     overlap = np.zeros(len(centre))
     to_middle = middle - centre
-    aside = to_middle - np.sum(to_middle * axis, axis=1)[:, None] * axis
-    near = np.flatnonzero(np.linalg.norm(aside, axis=1) < extent + radius_mm)
+    radial = to_middle - np.sum(to_middle * axis, axis=1)[:, None] * axis
+    near = np.flatnonzero(np.linalg.norm(radial, axis=1) < extent + radius_mm)
     for k in near:
         offset = points - centre[k]
         along = offset @ axis[k]
@@ -277,11 +277,11 @@ def _surface_points(box: Float) -> Float:
     on_face = np.any((grid == low) | (grid == high), axis=1)
     along, outward, up = grid[on_face].T
     tangent = np.array([box[2], box[3], 0.0])
-    aside = np.array([box[3], -box[2], 0.0])
+    sideways = np.array([box[3], -box[2], 0.0])
     return np.asarray(
         np.array([box[0], box[1], 0.0])
         + along[:, None] * tangent
-        + outward[:, None] * aside
+        + outward[:, None] * sideways
         + up[:, None] * np.array([0.0, 0.0, 1.0])
     )
 
@@ -402,8 +402,8 @@ class Stock:
             edge = np.stack([foot[:, 0] - h * ty, foot[:, 1] + h * tx, np.zeros(len(h))], axis=1)
             foot = centre + np.minimum(np.sum((edge - centre) * axis, axis=1), motion.tip_mm)[:, None] * axis
         ends = [raycast.project_all(self.surface, foot + far * axis)[:, 0] for far in (-extent, extent)]
-        aside = CONVERGING * radius + 1.0
-        first = (np.minimum(*ends) - aside) / cut.u_step_mm
-        last = (np.maximum(*ends) + aside) / cut.u_step_mm
+        margin = CONVERGING * radius + 1.0
+        first = (np.minimum(*ends) - margin) / cut.u_step_mm
+        last = (np.maximum(*ends) + margin) / cut.u_step_mm
         columns = np.clip([np.minimum(first[:-1], first[1:]), np.maximum(last[:-1], last[1:]) + 1], 0, len(cut.u))
         return columns.astype(np.int64)[0], columns.astype(np.int64)[1]

@@ -13,7 +13,7 @@ import numpy as np
 from workbench.artefacts import Recording, ScanCourse
 from workbench.errors import OutputError
 from workbench.recording_file import Frames, fill
-from workbench.storage import beside, digest_of
+from workbench.storage import digest_of, partial_path
 from workbench.synthetic.groove_truth import GrooveTruth
 from workbench.synthetic.prism_scan import simulate_prism
 from workbench.synthetic.recipe import PrismRecipe, Recipe, SphereRecipe
@@ -96,7 +96,7 @@ def write_made(recording: Recording, truth: T, out_path: str | Path) -> T:
 def _written(write: Callable[[Path], T], out_path: str | Path) -> T:
     """What `write` makes of a file for the recording: both files, whole or not at all."""
     recording, truth_file = Path(out_path), truth_path(out_path)
-    partial = [beside(path) for path in (recording, truth_file)]
+    partial = [partial_path(path) for path in (recording, truth_file)]
     for path in (recording, truth_file):
         if path.is_dir():
             raise OutputError(str(path), "a file to write, but this is a folder")

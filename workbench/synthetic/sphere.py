@@ -279,10 +279,10 @@ def flange_poses(recipe: SphereRecipe, one: SpherePass, time_s: Float) -> Float:
     view = view + one.weave_mm * np.sin(2 * np.pi * _WEAVES * done)
     swing = one.weave_deg * DEG * np.sin(2 * np.pi * _SWINGS * done) * _SWING_AXIS
     nominal = rotation_from_rpy(*(np.array(robot.nominal_rpy_deg) * DEG))
-    turned = nominal @ rotation_from_vector(np.array(one.turn_deg) * DEG) @ rotation_from_vector(swing)
+    orientation = nominal @ rotation_from_vector(np.array(one.turn_deg) * DEG) @ rotation_from_vector(swing)
     flange_from_profiler = pose(robot.flange_from_profiler)
     in_flange = mapped(flange_from_profiler, in_profiler(recipe.scanner, view))
-    return pose_from(turned, _center(recipe, one) - (turned @ in_flange[..., None])[..., 0])
+    return pose_from(orientation, _center(recipe, one) - (orientation @ in_flange[..., None])[..., 0])
 
 
 def systematic_error(recipe: SphereRecipe, base_from_flange: Float) -> Float:

@@ -78,8 +78,8 @@ class Cut:
         first, last = np.argmax(on_face, axis=1), rows[-1] - np.argmax(np.flip(on_face, axis=1), axis=1)
         nearest = self.height_mm[columns[:, None], np.clip(rows, first[:, None], last[:, None])]
         above = np.max(self.stock_mm, axis=1, keepdims=True) + _CLEAR_MM
-        beside = np.where(np.any(on_face, axis=1, keepdims=True), nearest, above)
-        return np.minimum(self.height_mm, np.maximum(self.stock_mm + _CLEAR_MM, beside))
+        neighbours = np.where(np.any(on_face, axis=1, keepdims=True), nearest, above)
+        return np.minimum(self.height_mm, np.maximum(self.stock_mm + _CLEAR_MM, neighbours))
 
     def _safe_share(self, height: Float, turning: float) -> Float:
         """Per column 1 / (a bound on the gradient of the height over the cut face), as far as a step may go."""
@@ -116,11 +116,11 @@ def profile_sizes(cut: Cut, u: Float) -> tuple[Float, Float]:
     made = (count - 1) * cut.w_step_mm >= _LEAST_FACE_MM
     some = np.where(made, count, 1)
     mean_w, mean_p = on_face @ cut.w_mm / some, height.sum(axis=1) / some
-    aside = np.where(on_face, cut.w_mm - mean_w[:, None], 0.0)
-    slope = np.sum(aside * height, axis=1) / np.where(made, np.sum(aside**2, axis=1), 1.0)
+    off_mean = np.where(on_face, cut.w_mm - mean_w[:, None], 0.0)
+    slope = np.sum(off_mean * height, axis=1) / np.where(made, np.sum(off_mean**2, axis=1), 1.0)
     foot = (mean_p - slope * mean_w) / (math.tan(cut.bevel) - slope)
     root, bevel_deg = cut.root_mm + foot / math.cos(cut.bevel), (cut.bevel - np.arctan(slope)) / DEG
-    off = np.where(on_face, height - mean_p[:, None] - slope[:, None] * aside, 0.0)
+    off = np.where(on_face, height - mean_p[:, None] - slope[:, None] * off_mean, 0.0)
     made &= np.max(np.abs(off), axis=1) < _STRAIGHT_MM
     root[~made] = bevel_deg[~made] = np.nan
     return np.interp(u, cut.u, root), np.interp(u, cut.u, bevel_deg)

@@ -192,7 +192,7 @@ class Watch:
         self._u, self._at, self._arc_length_mm = u, u_at_points[order], layer.arc_length_mm[order]
         self._name, self._depth_of_cut_mm = f"layer {layer.index}", depth_of_cut_mm
         self._cuts = bool(layer.cutting.any())
-        self._beside = within(u, self._at[layer.cutting[order]], radius_mm)
+        self._near_cut = within(u, self._at[layer.cutting[order]], radius_mm)
 
     def travel(self, name: str, met: Met) -> list[str]:
         """A travel must not meet anything."""
@@ -204,7 +204,7 @@ class Watch:
 
         Within a cutter's radius of a point that cuts it does not count which piece of the path came first.
         """
-        found = self._met(self._name, np.where(self._beside, 0.0, met.depth_mm), self._depth_of_cut_mm + _SPARE_MM)
+        found = self._met(self._name, np.where(self._near_cut, 0.0, met.depth_mm), self._depth_of_cut_mm + _SPARE_MM)
         worst = int(np.argmax(taken_mm))
         deepest, planned = taken_mm[worst], self._depth_of_cut_mm
         if self._cuts and deepest < _MET_MM:
@@ -281,12 +281,12 @@ class Mechanics:
         """
         rotation = self.base_from_path[:3, :3] @ rotation_from_quaternion(quaternion_wxyz)
         position = mapped(self.base_from_path, position_mm)
-        turned = rotation_from_vector(self.rotation) @ rotation
+        rotated = rotation_from_vector(self.rotation) @ rotation
         bent = self.deflection_mm + self.deflections_mm.get(layer, np.zeros((len(position), 3)))
         travelled = arc_lengths_mm(position)
         new = _noise(travelled[:, None], self.noise_mm, self.noise_length_mm, [*self.seed, 0x7A, draw])
         again = _noise(position, self.repeating_mm, self.noise_length_mm, [self.seed[0], 0x7B])
-        return pose_from(turned, position + self.offset_mm + new + again + np.einsum("kij,kj->ki", turned, bent))
+        return pose_from(rotated, position + self.offset_mm + new + again + np.einsum("kij,kj->ki", rotated, bent))
 
 
 def _noise(at: Float, sigma_mm: float, length_mm: float, seed: list[int]) -> Float:
@@ -318,8 +318,8 @@ def straight_moves(base_from_tool: Float, values: Float) -> tuple[Float, Float]:
     start = after - 1
     f = (np.arange(len(after)) - np.repeat(np.cumsum(pieces) - pieces, pieces) + 1) / pieces[start]
     moved = (1 - f[:, None]) * position[start] + f[:, None] * position[after]
-    turned = rotation_from_quaternion(slerp(quaternion[start], quaternion[after], f))
-    poses = np.concatenate([base_from_tool[:1], pose_from(turned, moved)])
+    rotation = rotation_from_quaternion(slerp(quaternion[start], quaternion[after], f))
+    poses = np.concatenate([base_from_tool[:1], pose_from(rotation, moved)])
     return poses, np.concatenate([values[:1], (1 - f) * values[start] + f * values[after]])
 
 

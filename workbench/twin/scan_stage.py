@@ -62,7 +62,7 @@ def _planned_for(plan: PlannedScan, recipe: Recipe) -> Scanner:
     """The profiler of a plan; what its file does not tell is the recipe's."""
     own = recipe.scanner
     near, far = plan.range_mm
-    told = {
+    planned = {
         "columns": plan.columns,
         "pitch_mm": plan.pitch_mm,
         "standoff_mm": plan.standoff_mm,
@@ -75,4 +75,4 @@ def _planned_for(plan: PlannedScan, recipe: Recipe) -> Scanner:
         "zero_range_mm": 0.0,
         "x_offset_mm": 0.0,
     }
-    return own.model_copy(update=told)
+    return own.model_copy(update=planned)

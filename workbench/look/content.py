@@ -155,7 +155,7 @@ def _corner(a: Line, b: Line, reach_mm: float) -> Corner | None:
     )
 
 
-def told_profile(profile: Profile) -> list[str]:
+def profile_lines(profile: Profile) -> list[str]:
     """The table of lines and corners, as text."""
     rows = [f"single profile: {len(profile.lines)} straight line(s), {len(profile.corners)} corner(s); {NOTE}"]
     rows += [
@@ -186,7 +186,7 @@ class Shade:
 
 @shown
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class FileContent:
     """A file as it was understood."""
 
     source: str
@@ -255,7 +255,7 @@ def failed(name: str, value: float | None, reason: str, finding: str) -> Check:
     return Check(name, value, None, False, reason, finding)
 
 
-def told(checks: tuple[Check, ...]) -> list[str]:
+def check_lines(checks: tuple[Check, ...]) -> list[str]:
     """A line a check: those that failed first, with what was found."""
     rows = []
     for check in sorted(checks, key=lambda each: each.passed):

@@ -354,13 +354,11 @@ def summary(records: tuple[Record, ...]) -> str:
     counts = [(sum(record.outcome == kind for record in records), kind) for kind in OUTCOMES]
     words += [f"{count} {kind}" for count, kind in counts if count]
     verdicts = [record.verdict for record in records if record.verdict]
-    verdict_counts = ", ".join(
-        f"{verdicts.count(one)} {one}" for one in ("fail", "undecided", "pass") if one in verdicts
-    )
+    tally = ", ".join(f"{verdicts.count(one)} {one}" for one in ("fail", "undecided", "pass") if one in verdicts)
     skipped = sum(record.skipped for record in records)
     return (
         ", ".join(words)
-        + (f" (verdicts: {verdict_counts})" if verdict_counts else "")
+        + (f" (verdicts: {tally})" if tally else "")
         + (f"; {skipped} from an earlier run" * bool(skipped))
     )
 

@@ -263,9 +263,7 @@ class _Corner(NamedTuple):
     """What one frame shows of root face and bevel face, which stand side by side."""
 
     turn: float  # from one face to the other, rad
-    adjoining: dict[
-        int, float
-    ]  # by face, the turn to the surface that joins it on its other side, in the sense of `turn`
+    adjoining: dict[int, float]  # by face, the turn to the surface that joins it on its other side, in that sense
 
 
 def _goes_on(seen: Sequence[_Corner], face: int, lies_on: bool) -> tuple[float, float]:

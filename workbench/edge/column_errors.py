@@ -96,7 +96,7 @@ def without_column_errors(
     return replace(cloud, z_mm=z_mm), errors
 
 
-def correction_notes(errors: Mapping[int, ColumnErrors]) -> tuple[str, ...]:
+def notes_of(errors: Mapping[int, ColumnErrors]) -> tuple[str, ...]:
     """What was taken off, in words; (): hardly anything."""
     rms_mm = [float(np.std(one.mean_mm[one.mean_mm != 0.0])) for one in errors.values() if one.mean_mm.any()]
     most_mm = max(rms_mm, default=0.0)

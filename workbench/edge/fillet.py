@@ -100,11 +100,11 @@ class Fillets:
 
         And by the sensor's own error, rms: a wave of it that bends an arc to another arc leaves nothing.
         """
-        complete = [one for one in self._all if np.isfinite(one.left_mm).all()]
-        if not complete:
+        whole = [one for one in self._all if np.isfinite(one.left_mm).all()]
+        if not whole:
             return 0.0, 0.0
-        radius, level, _ = np.median([one.form_u(0.0) for one in complete], axis=0) * math.hypot(
-            misfit_mm(complete), sensor_mm
+        radius, level, _ = np.median([one.form_u(0.0) for one in whole], axis=0) * math.hypot(
+            misfit_mm(whole), sensor_mm
         )
         return float(radius), float(level)
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.artefacts import Cloud
-from workbench.edge.column_errors import Linearity, correction_notes, without_column_errors
+from workbench.edge.column_errors import Linearity, notes_of, without_column_errors
 from workbench.edge.directions import wrapped
 from workbench.edge.fillet import Fillets, fit_below_flank, fit_circle
 from workbench.edge.groove_frames import LEAST_FACE, ReadFrames, middles
@@ -152,7 +152,7 @@ def plates(
             for one, label in zip(faces[k], shown[k], strict=True)
         ]
         out.append(_plate(_View(mine, read, curve, s, turn, middle, k), sections[k], images))
-    return (out[0], out[1]), labels, tilt, about, correction_notes(errors)
+    return (out[0], out[1]), labels, tilt, about, notes_of(errors)
 
 
 def _noise(face: FaceLines) -> Float:

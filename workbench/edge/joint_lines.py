@@ -178,9 +178,7 @@ class JointLines:
 
         Slopes by the lines: `own` where the places stay, and `follow` where they go with the lines, as returns do.
         """
-        at = {
-            key: np.nan_to_num(place) for key, place in self.in_frames(ends).items()
-        }  # without one no length is known
+        at = {key: np.nan_to_num(place) for key, place in self.in_frames(ends).items()}  # of none no length is known
         each = values(at)
         moved = {key: values(at | {key: place + STEP_MM}) for key, place in at.items()}
         out = {}

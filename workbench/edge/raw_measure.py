@@ -309,12 +309,10 @@ def _whole(found: RawFaces) -> Bool:
         return np.asarray(width > np.nanmedian(width) - MARGIN_MM)
 
 
-def _reaching(
-    tilt: Course, found: RawFaces, sigma: float, strip_turn: float, lower: EndAlong, upper: EndAlong
-) -> Course:
+def _reaching(tilt: Course, found: RawFaces, sigma: float, strip_u: float, lower: EndAlong, upper: EndAlong) -> Course:
     """The direction of a rough face, uncertain by how far the face reaches: to a column, and as single frames show.
 
-    A strip of width e at both ends turns it by `strip_turn` (rad, 1 mm) sqrt(e), a strip at one end that lies r off the
+    A strip of width e at both ends turns it by `strip_u` (rad, 1 mm) sqrt(e), a strip at one end that lies r off the
     line by 6 e r / w^2.
     """
     face = found.whole
@@ -325,7 +323,7 @@ def _reaching(
         strip = np.hypot(strip, between(end.s, end.reached_mm, tilt.at_mm))
     strip = np.minimum(strip, width)
     turn = 6.0 * strip * _roughness(found, sigma) / width**2
-    return replace(tilt, variance=tilt.variance + turn**2 + strip_turn**2 * strip)
+    return replace(tilt, variance=tilt.variance + turn**2 + strip_u**2 * strip)
 
 
 def _normal(tilt: Float) -> Float:

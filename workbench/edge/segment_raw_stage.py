@@ -33,13 +33,7 @@ from workbench.checks.limits import judged_by
 from workbench.checks.residuals import FaceAlong, Late, every_second, late_check, late_of
 from workbench.checks.window import end_step_check
 from workbench.edge.broken_end import together_along
-from workbench.edge.column_errors import (
-    ColumnErrors,
-    Linearity,
-    correction_notes,
-    declared_linearity,
-    without_column_errors,
-)
+from workbench.edge.column_errors import ColumnErrors, Linearity, declared_linearity, notes_of, without_column_errors
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED
@@ -144,9 +138,7 @@ def segment_raw(
     checks += (*_lies_on(found), fixed_end_check(cloud, ends, int(found.seen.sum())))
     declared = RawDeclared(linearity, errors, robot, end_u_mm, robot_drift_u_mm)
     edge = _edge(cloud, found, measured, late, declared)
-    return replace(
-        edge, checks=(*edge.checks, *checks), warnings=(*edge.warnings, *lies.warnings, *correction_notes(errors))
-    )
+    return replace(edge, checks=(*edge.checks, *checks), warnings=(*edge.warnings, *lies.warnings, *notes_of(errors)))
 
 
 def _late(cloud: Cloud, measured: RawMeasured) -> Late:

@@ -23,13 +23,7 @@ from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import end_step_check
 from workbench.edge.broken_end import BrokenEnd, broken_end, is_free_end, root_rim, together_along, weights
 from workbench.edge.certified import certified, certified_linearity
-from workbench.edge.column_errors import (
-    ColumnErrors,
-    Linearity,
-    correction_notes,
-    declared_linearity,
-    without_column_errors,
-)
+from workbench.edge.column_errors import ColumnErrors, Linearity, declared_linearity, notes_of, without_column_errors
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.groove_frames import two_plates_share
@@ -86,9 +80,7 @@ STEPPED = (
     "the root face's end lies {:.2f} mm {} its course over {:.0f} mm of edge, about {:.0f} mm along it: returns are "
     "lost there, a burr stands out, or the edge itself steps: look at it; what a step would cost is in u"
 )
-PART_OFFSET = (
-    "a part of the {} stands aside by {:.2f} mm, a step or second returns: sizes are those of its line without it"
-)
+LEDGE = "a part of the {} stands aside by {:.2f} mm, a step or second returns: sizes are those of its line without it"
 
 
 @stage("edge.segment")
@@ -266,10 +258,8 @@ def milled_edge(
     if tracked.lies_on.any():
         notes += (LIES_ON,)
     faces = ("root face", root_form), ("bevel face", bevel_form)
-    notes += tuple(
-        PART_OFFSET.format(name, one.part_offset_mm) for name, one in faces if one.part_offset_mm > OFFSETS_MM[0]
-    )
-    notes += (*_steps(measured, at), *correction_notes(declared.errors))
+    notes += tuple(LEDGE.format(name, one.part_offset_mm) for name, one in faces if one.part_offset_mm > OFFSETS_MM[0])
+    notes += (*_steps(measured, at), *notes_of(declared.errors))
     return MilledEdge(
         part=cloud.part,
         source=cloud.source,

@@ -67,9 +67,7 @@ def _reject(
             left[i, j] = keep[i, j]
         for k in range(_set_ones(doubtful, at)):
             j = at[k]
-            if not (
-                _supported(z[i], keep[i], j, tolerance) or _between_frames(z, keep, pass_index, i, j, reach, tolerance)
-            ):
+            if not (_supported(z[i], keep[i], j, tolerance) or _steady(z, keep, pass_index, i, j, reach, tolerance)):
                 left[i, j] = False
                 isolated += 1
         streaks += _drop_short_runs(z[i], left[i], tolerance, jump, begins, at)
@@ -141,7 +139,7 @@ def _supported(z: Float32, keep: Bool, j: int, tolerance: float) -> bool:
 
 
 @kernel
-def _between_frames(z: Float32, keep: Bool, pass_index: Int, i: int, j: int, reach: int, tolerance: float) -> bool:
+def _steady(z: Float32, keep: Bool, pass_index: Int, i: int, j: int, reach: int, tolerance: float) -> bool:
     """Does point (i, j) lie between its neighbours in the frames before and after, or next to either?"""
     for d in range(1, reach + 1):
         before = i - d >= 0 and pass_index[i - d] == pass_index[i] and keep[i - d, j]

@@ -110,7 +110,5 @@ def _note(part: PosesPart, table: Table) -> str:
     names = ", ".join(table.names.values())
     units = f"lengths in {part.length_unit}" + (f", angles in {angles}" if angles else "")
     times = f"times in {part.time_unit or 's'}" if part.time is not None else "no times"
-    transforms = [
-        f"{name} applied" for name in ("base_from_frame", "flange_from_tool") if getattr(part, name) is not None
-    ]
-    return "; ".join([f"poses: {names}; orientation {part.convention}; {units}, {times}", *transforms])
+    frames = [f"{name} applied" for name in ("base_from_frame", "flange_from_tool") if getattr(part, name) is not None]
+    return "; ".join([f"poses: {names}; orientation {part.convention}; {units}, {times}", *frames])

@@ -201,25 +201,19 @@ def size_chart(s: Float, along: Quantity, seen: Bool, inspection: JointInspectio
 
 def u_chart(plan: ScanPlanFile, inspection: Inspection) -> bytes:
     """SVG of U = 2 u of root face and bevel angle along the edge: wanted and predicted by a scan plan, achieved."""
-    prediction, s, along = plan.predicted, inspection.profile.arc_length_mm, inspection.profile.sizes
+    expected, s, along = plan.predicted, inspection.profile.arc_length_mm, inspection.profile.sizes
     rows = (
-        (
-            "U root face, mm",
-            prediction.root_U_mm,
-            prediction.promised_root_U_mm,
-            plan.wanted_root_U_mm,
-            along["root_mm"].u,
-        ),
+        ("U root face, mm", expected.root_U_mm, expected.promised_root_U_mm, plan.wanted_root_U_mm, along["root_mm"].u),
         (
             "U bevel angle, °",
-            prediction.bevel_U_deg,
-            prediction.promised_bevel_U_deg,
+            expected.bevel_U_deg,
+            expected.promised_bevel_U_deg,
             plan.wanted_bevel_U_deg,
             along["bevel_deg"].u,
         ),
     )
     figure = Figure(figsize=(10, 3.6))
-    at = np.array(prediction.arc_length_mm)
+    at = np.array(expected.arc_length_mm)
     for axes, (name, predicted, promised, wanted, u) in zip(figure.subplots(2, 1, sharex=True), rows, strict=True):
         axes.set(xlim=(0.0, float(s[-1])))
         axes.axhline(wanted, color=LIMIT, linewidth=1.2)

@@ -28,9 +28,7 @@ def judged(submission: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str,
         name: scorer.card([found[name] for found in each.values() if name in found], name)
         for name in dict.fromkeys(name for found in each.values() for name in found)
     }
-    seconds = [
-        answer["seconds"] for answer in map(given.get, recordings) if answer and answer.get("seconds") is not None
-    ]
+    seconds = [reply["seconds"] for reply in map(given.get, recordings) if reply and reply.get("seconds") is not None]
     shares = [card["score"] / scorer.scale(name)[0] for name, card in quantities.items()]
     return {
         "format": "score-card",

@@ -152,13 +152,11 @@ def _line(recipe: Recipe, surface: raycast.Surface, scan: Pass, share: Float) ->
     ends[:, :3, 0], ends[:, :3, 1] = (chord[1], -chord[0], 0.0), chord
     base_from_profiler = pose(recipe.part.base_from_part) @ ends @ profiler_in_edge(recipe, scan, np.array([0.0, 1.0]))
     flange = base_from_profiler @ inverse(pose(recipe.robot.flange_from_profiler))
-    rotation_vector = (
+    rotvec = (
         scipy.spatial.transform.Rotation.from_matrix(flange[0, :3, :3]).inv()
         * scipy.spatial.transform.Rotation.from_matrix(flange[1, :3, :3])
     ).as_rotvec()
-    rotation = (
-        flange[0, :3, :3] @ scipy.spatial.transform.Rotation.from_rotvec(np.outer(share, rotation_vector)).as_matrix()
-    )
+    rotation = flange[0, :3, :3] @ scipy.spatial.transform.Rotation.from_rotvec(np.outer(share, rotvec)).as_matrix()
     return pose_from(rotation, flange[0, :3, 3] + share[:, None] * (flange[1, :3, 3] - flange[0, :3, 3]))
 
 

@@ -444,7 +444,7 @@ def _forces_of_parts(upto: Float, white: Float, parts: Int, known: Float, force:
 
 @kernel
 def _shares_of_parts(known: Float, force: Float, likely: float, none: float, bowed: float, share: Float) -> float:
-    """Fill in the shares (b, sizes) of parts that stand aside by each of ASIDE_MM; the sum before, with `none`.
+    """Fill in the shares (b, sizes) of parts that stand aside by each of OFFSETS_MM; the sum before, with `none`.
 
     bowed: how much likelier than such a part a bow is, the last of them.
     """

@@ -74,7 +74,7 @@ class Examiner:
     def reach(self, base_from_view: Float, orientations: Sequence[Float], table: float) -> Reached | str:
         """Postures along poses (k, 4, 4) of a part that stands as planned, the turntable at `table`; or why not.
 
-        turned: the same poses as they are and, if that is tried too, by half a turn about the rays.
+        orientations: the same poses as they are and, if that is tried too, by half a turn about the rays.
         """
         move = turntable_pose(self.cell, table) @ inverse(turntable_pose(self.cell, 0.0))
         back = inverse(self.cell.flange_from_cutter)

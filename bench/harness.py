@@ -109,6 +109,12 @@ class Study:
         return " ".join(words)
 
 
+def single_threaded() -> None:
+    """Of this process, which measures one part at a time: before numpy is imported."""
+    for name in THREADS:
+        os.environ.setdefault(name, "1")
+
+
 def each(measure: Callable[[T], R], tasks: Sequence[T], workers: int) -> Iterator[R]:
     """What `measure` makes of each task, as they come; a line on standard error after every twentieth.
 

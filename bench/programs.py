@@ -34,6 +34,7 @@ from workbench.units import Float
 
 CELL = ROOT / "data" / "robot" / "cell.json"
 TOGETHER = 250  # programs that the outsider drives side by side
+ALL_DRIVEN = 500  # of the first so many those that are refused, too
 UNUSED = "9E9"
 
 
@@ -215,9 +216,9 @@ def summed(tallies: Sequence[Mapping[str, int]], _: Namespace) -> Iterator[str]:
     yield from markdown(["", "count"], ([name, f"{count}"] for name, count in sorted(tally.items())))
 
 
-def driven(task: tuple[str, int, int, int, int]) -> Counter[str]:
-    """Judge a block of random programs; the outsider drives those that passed, and the first `all_driven` all."""
-    kind, all_driven, seed, first_number, last = task
+def driven(task: tuple[str, int, int, int]) -> Counter[str]:
+    """Judge a block of random programs; the outsider drives those that passed, and all of the first ones."""
+    kind, seed, first_number, last = task
     cell = dataclasses.replace(read_cell(CELL), process=None)  # random programs begin anywhere
     if kind != "turntable":
         cell = {"track": on_a_track, "positioner": on_a_tilt}[kind](cell, np.random.default_rng([seed]))
@@ -232,7 +233,7 @@ def driven(task: tuple[str, int, int, int, int]) -> Counter[str]:
         found = judge(here, Module().program({"random.mod": rapid_text(here, first, table, targets)}))
         judging += time.process_time() - start
         tally.update(judged(found))
-        if found.passed or number < all_driven:
+        if found.passed or number < ALL_DRIVEN:
             some.append((number, found, here, first, table, targets))
     ways = outsider.drive([row[3:] for row in some])
     for (number, found, here, *_), (wrong, joints, tables) in zip(some, ways, strict=True):
@@ -256,10 +257,10 @@ def driven(task: tuple[str, int, int, int, int]) -> Counter[str]:
     return tally
 
 
-def tasks(given: Namespace) -> Iterator[tuple[str, int, int, int, int]]:
+def tasks(given: Namespace) -> Iterator[tuple[str, int, int, int]]:
     kind = "track" if given.track else "positioner" if given.positioner else "turntable"
     for low in range(0, given.count, TOGETHER):
-        yield kind, given.all_driven, given.seed, low, min(low + TOGETHER, given.count)
+        yield kind, given.seed, low, min(low + TOGETHER, given.count)
 
 
 STUDY = Study(
@@ -270,7 +271,6 @@ STUDY = Study(
         "positioner": Option(False, "the turntable stands on an axis that tilts it"),
         "count": Option(40),
         "seed": Option(1),
-        "all_driven": Option(500, "of the first so many, those refused too", said=False),
     },
     tasks,
     driven,

@@ -70,6 +70,8 @@ class Command:
     write_old: Callable[[Path], object] | None = None  # of other bytes than `write`, so that a mixture would show
     suffix: str = ""
     between: Callable[[object], bool] = lambda state: False  # whether a state that is neither old nor new is lawful
+    new: object = None  # what stands there once it was written
+    counts: tuple[int, int] = (0, 0)  # of operations on files without a fault, on none and on old results
 
 
 def publishing(name: str, pipeline: str, inputs: dict[str, Any]) -> Command:
@@ -318,7 +320,7 @@ def operations(command: Command, place: Path, old: bool) -> int:
         return int(said.read())
 
 
-def case(command: Command, scratch: Path, new: object, counts: tuple[int, int], rng: random.Random) -> Counter[str]:
+def case(command: Command, scratch: Path, rng: random.Random) -> Counter[str]:
     """One drawn fault, half of the time over an older set; half of the time another after it; then none."""
     found: Counter[str] = Counter()
     old = rng.random() < 0.5
@@ -328,29 +330,29 @@ def case(command: Command, scratch: Path, new: object, counts: tuple[int, int], 
             in_child(command, place, Fault(), old=True)
         for _ in range(rng.randint(1, 2)):
             before, left = command.state(place), command.left(place)
-            fault = Fault(rng.choice(KINDS), rng.randint(1, counts[old]))
+            fault = Fault(rng.choice(KINDS), rng.randint(1, command.counts[old]))
             ended = in_child(command, place, fault)
-            found[_judged(command, place, before, new, ended, fault)] += 1
+            found[_judged(command, place, before, ended, fault)] += 1
             more = [path for path in command.left(place) if path not in left]
             if ended == "told" and fault.kind == "full disk" and more:
                 found[f"BROKEN: {fault.kind} at {fault.at}: left {more}"] += 1
         ended = in_child(command, place, Fault())
-        whole = ended == "written" and command.state(place) == new and not command.left(place)
+        whole = ended == "written" and command.state(place) == command.new and not command.left(place)
         found["the next run works" if whole else f"BROKEN: the next run, {ended}, {command.left(place)}"] += 1
     return found
 
 
-def _judged(command: Command, place: Path, before: object, new: object, ended: str, fault: Fault) -> str:
+def _judged(command: Command, place: Path, before: object, ended: str, fault: Fault) -> str:
     after = command.state(place)
     if ended.startswith("WRONG"):
         return f"BROKEN: {fault.kind} at {fault.at}: {ended}"
-    if ended == "written" and after != new:
+    if ended == "written" and after != command.new:
         return f"BROKEN: {fault.kind} at {fault.at}: told as written and is not"
     if after is None and command.state is whole_sets and _changing(place):
         return CHANGING
     if after == before and after is not None:
         return OLD if before else NONE
-    if after == new:
+    if after == command.new:
         return NEW
     if after in ("", {}, ()):
         return NONE
@@ -389,21 +391,12 @@ def commands(scratch: Path) -> dict[str, Callable[[], Command]]:
     }
 
 
-@dataclass(frozen=True)
-class Ready:
-    """A command that was run once without a fault: what it makes, and in how many operations on none and on old."""
-
-    command: Command
-    new: object
-    counts: tuple[int, int]
-
-
-def ready(command: Command, scratch: Path) -> Ready:
-    """All that the command needs is loaded then, for the forks."""
+def tried(command: Command, scratch: Path) -> Command:
+    """The command run without a fault; all that it needs is loaded then, for the forks."""
     usual = Path(tempfile.mkdtemp(dir=scratch)) / f"out{command.suffix}"
     command.write(usual.with_name(f"first{command.suffix}"))
     counts = operations(command, usual, old=False), operations(command, usual.with_name(f"old{command.suffix}"), True)
-    return Ready(command, command.state(usual), counts)
+    return replace(command, new=command.state(usual), counts=counts)
 
 
 def drawn(name: str, seconds: float, seeds: range) -> Counter[str]:
@@ -412,14 +405,14 @@ def drawn(name: str, seconds: float, seeds: range) -> Counter[str]:
     with tempfile.TemporaryDirectory(dir=SCRATCH if SCRATCH.is_dir() else None) as folder:
         scratch = Path(folder) / "scratch"
         scratch.mkdir()
-        one = ready(commands(scratch)[name](), scratch)
+        command = tried(commands(scratch)[name](), scratch)
         gc.collect()
         gc.freeze()  # a collection in a forked child would copy every page
         until = time.monotonic() + seconds
         for seed in seeds:
             if time.monotonic() > until:
                 break
-            ends = case(one.command, scratch, one.new, one.counts, random.Random(f"{name} {seed}"))
+            ends = case(command, scratch, random.Random(f"{name} {seed}"))
             found += ends
             found["cases"] += 1
             for what in ends:

@@ -49,7 +49,7 @@ def examine(seed: int) -> dict[str, Any]:
         row["unseen"] = float((~np.any([one.sees for one in made.passes], axis=0)).mean())
         way = courses(made)
         found = {SIMULATORS[0]: _achieved(drawn, made, sensor, *analytic(drawn, made, way))}
-        if drawn.clamp_mm is None and not any(one.view.lead for one in made.passes):
+        if not drawn.recipe.part.clamps and not any(one.view.lead for one in made.passes):
             scanned = triangulated(drawn, made, seed)
             found[SIMULATORS[1 + (drawn.radius_mm > 0.0)]] = _achieved(drawn, made, sensor, *scanned)
             if drawn.radius_mm > 0.0:

@@ -37,7 +37,6 @@ class Drawn(NamedTuple):
     thickness_mm: float
     bevel_deg: float
     radius_mm: float  # of the lower edge; the analytic simulator's are sharp
-    clamp_mm: tuple[float, float] | None
 
 
 def draw(seed: int) -> Drawn:
@@ -47,11 +46,11 @@ def draw(seed: int) -> Drawn:
     thickness, bevel = root + float(rng.uniform(4.0, 9.0)), float(rng.uniform(28.0, 48.0))
     width, columns = float(rng.uniform(24.0, 34.0)), int(rng.choice([640, 800, 1024, 1280]))
     noise = float(rng.uniform(0.004, 0.014))
-    clamp = None
+    clamps = []
     if rng.random() < 0.5:
         first = float(rng.uniform(15.0, 60.0))
-        clamp = (first, first + float(rng.uniform(10.0, 25.0)))
-    boxes = [] if clamp is None else [_clamp(clamp, rng)]
+        clamp = {"from_mm": first, "to_mm": first + float(rng.uniform(10.0, 25.0))}
+        clamps = [clamp | {"reach_in_mm": 40.0, "reach_out_mm": float(rng.uniform(2.0, 10.0)), "height_mm": 12.0}]
     curve = {"shape": "arc", "radius_mm": 800} if rng.random() < 0.5 else {"shape": "straight"}
     document = {
         "format": "bevel-recipe",
@@ -66,7 +65,7 @@ def draw(seed: int) -> Drawn:
             "bevel_deg": bevel,
             "end_face_twist_deg": float(rng.choice([0.0, rng.uniform(-4.0, 4.0)])),
             "table_gap_mm": float(rng.uniform(60.0, 100.0)) if rng.random() < 0.3 else None,
-            "clamps": boxes,
+            "clamps": clamps,
             "base_from_part": {"position_mm": [1450.0, -320.0, 760.0], "rpy_deg": [35, 2.5, -1.5]},
         },
         "scanner": {"columns": columns, "pitch_mm": width / columns, "standoff_mm": STANDOFF_MM},
@@ -88,17 +87,7 @@ def draw(seed: int) -> Drawn:
     }
     wanted = Wanted(float(rng.choice([0.01, 0.02, 0.05, 0.1])), float(rng.choice([0.08, 0.12, 0.2])))
     radius = float(rng.choice([0.0, rng.uniform(0.01, 0.3)]))
-    return Drawn(parse_recipe(document, f"part {seed}"), sensor, wanted, root, thickness, bevel, radius, clamp)
-
-
-def _clamp(between: tuple[float, float], rng: np.random.Generator) -> dict[str, float]:
-    return {
-        "from_mm": between[0],
-        "to_mm": between[1],
-        "reach_in_mm": 40.0,
-        "reach_out_mm": float(rng.uniform(2.0, 10.0)),
-        "height_mm": 12.0,
-    }
+    return Drawn(parse_recipe(document, f"part {seed}"), sensor, wanted, root, thickness, bevel, radius)
 
 
 def sensor_file(drawn: Drawn, folder: Path) -> Path:

@@ -1,6 +1,5 @@
 """One score for a value and its uncertainty, over simulated parts that share no code: `python -m bench.score`."""
 
-import os
+from bench.harness import single_threaded
 
-for _name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # a process measures one part at a time
+single_threaded()

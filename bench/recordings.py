@@ -1,8 +1,10 @@
-"""A recording with other frames, columns or poses than it has."""
+"""A recording with other frames, columns or poses than it has, or as tables."""
 
 from __future__ import annotations
 
 import dataclasses
+import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -65,6 +67,7 @@ def dense_stream(r: Recording) -> Recording:
     return told(r, poses[:, :3, 3], poses[:, :3, :3])
 
 
+BLOCK = 1000  # frames that are written at once
 SHIFT_MM = np.array([300.0, -200.0, 50.0])
 TURN = Rotation.from_rotvec([0.0, 0.0, 1.27]).as_matrix()
 
@@ -88,3 +91,30 @@ def backwards(r: Recording) -> Recording:
     turned = frames(r, np.arange(len(r.time_s))[::-1])
     turned = with_values(turned, time_s=last - turned.time_s, pass_index=r.pass_index.max() - turned.pass_index)
     return told(turned, poses[:, :3, 3], poses[:, :3, :3])
+
+
+def write_tables(path: Path, folder: Path) -> int:
+    """A recording's file as what `workbench import` takes: scan.csv, robot.csv, map.json; how many frames it has."""
+    import h5py
+    import pyarrow as pa
+    import pyarrow.csv
+
+    with h5py.File(path) as file, (folder / "scan.csv").open("wb") as table:
+        profiles, robot = file["profiles"], file["robot"]
+        frames, columns = profiles["x"].shape
+        table.write(b"frame,time_s,x_mm,z_mm\n")
+        for first in range(0, frames, BLOCK):
+            some = slice(first, min(first + BLOCK, frames))
+            number, at = np.arange(some.start, some.stop), np.round(profiles["time"][some], 6)
+            rows = {"frame": number.repeat(columns), "time_s": at.repeat(columns)}
+            rows |= {f"{axis}_mm": np.round(profiles[axis][some].ravel().astype(float), 4) for axis in "xz"}
+            known = np.isfinite(rows["z_mm"])
+            block = pa.table({key: values[known] for key, values in rows.items()})
+            pyarrow.csv.write_csv(block, table, pyarrow.csv.WriteOptions(include_header=False))
+        poses = np.column_stack([robot[key][()] for key in ("time", "position", "quaternion_wxyz")])
+        hand_eye = file["hand_eye/flange_from_profiler"][()].tolist()
+    head = "time_s,x_mm,y_mm,z_mm,qw,qx,qy,qz"
+    np.savetxt(folder / "robot.csv", poses, "%.9f", ",", header=head, comments="")
+    mapping = {"format": "import-mapping", "version": 1, "hand_eye": {"flange_from_profiler": hand_eye}}
+    (folder / "map.json").write_text(json.dumps(mapping))
+    return int(frames)

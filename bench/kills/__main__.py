@@ -31,6 +31,7 @@ from typing import Any, NoReturn
 
 from bench.harness import ROOT, Option, Study, forked
 from bench.kills.sets import digest_of, leftovers, whole_sets
+from bench.recordings import write_tables
 from bench.tables import markdown
 
 CORPUS = ROOT / "bench" / "fuzz" / "corpus"
@@ -145,20 +146,10 @@ def recording_left(path: Path) -> list[Path]:
 
 def importing(scratch: Path) -> Command:
     """`workbench import` of a small recording's profiles and poses as tables."""
-    import numpy as np
-
     from workbench.importing.command import import_files
-    from workbench.scan import read
 
-    one = read(recording=str(CORPUS / "inspecting" / "small.h5"))
-    frames, columns = one.x_mm.shape
-    number = np.repeat(np.arange(frames), columns)
-    points = np.column_stack([number, one.time_s[number], one.x_mm.ravel(), one.z_mm.ravel()])
-    poses = np.column_stack([one.robot_time_s, one.robot_position_mm, one.robot_quaternion_wxyz])
-    sources = [scratch / "profiles.csv", scratch / "poses.csv"]
-    heads = ("frame,time_s,x_mm,z_mm", "time_s,x_mm,y_mm,z_mm,qw,qx,qy,qz")
-    for place, head, rows in zip(sources, heads, (points, poses), strict=True):
-        np.savetxt(place, rows, "%.8f", ",", header=head, comments="")
+    write_tables(CORPUS / "inspecting" / "small.h5", scratch)
+    sources = [scratch / "scan.csv", scratch / "robot.csv"]
     return Command("import", lambda out: import_files(sources, out), recording_state, recording_left, suffix=".h5")
 
 

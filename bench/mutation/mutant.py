@@ -14,9 +14,9 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from bench.harness import ROOT
 from workbench.user_folder import folder as users
 
-ROOT = Path(__file__).resolve().parents[2]
 COPIED = ("workbench", "bench", "tests", "pipelines", "data", "docs", "README.md", "pyproject.toml")
 ENDLESS_S = 3600.0  # a mutant that runs longer is killed: the slowest set of tests takes a tenth of it
 TEST_ENDLESS_S = 600  # a test that runs longer has failed; the kernels of a room compile in a minute or two

@@ -6,7 +6,6 @@ report: packages come from the package index (or pip's cache), so the row is lef
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import statistics
@@ -19,11 +18,9 @@ from pathlib import Path
 from typing import Any
 
 import h5py
-import numpy as np
-import pyarrow as pa
-import pyarrow.csv
 
 from bench.harness import ROOT
+from bench.recordings import write_tables
 from bench.speed.recordings import simulated
 from bench.speed.timing import REPEATS, Row, peak_gb, spent
 
@@ -31,7 +28,7 @@ RECORDING = ROOT / "data" / "synthetic" / "milled_edge.h5"
 INSPECT = ("run", "pipelines/inspect_bevel.json", "--input", f"recording={RECORDING}")
 BATCH_PARTS = (2, 8)  # what a part costs is told by the difference
 PARTS, PAUSE_S = 20, 0.4  # in which a growing recording comes
-MILLION, BLOCK = 50, 1000  # points that are imported; frames that are written at once
+MILLION = 50  # points that are imported
 OWN = ("PYTHONPATH", "VIRTUAL_ENV", "NUMBA_CACHE_DIR")  # of this checkout, not of the clone
 
 
@@ -170,32 +167,10 @@ def importing(folder: Path) -> Iterator[Row]:
     """50 million points of a table, a point per row, and a table of poses: processor seconds and peak memory, once."""
     with tempfile.TemporaryDirectory() as name:
         tables = Path(name)
-        frames = _write_tables(simulated(MILLION, folder), tables)
+        frames = write_tables(simulated(MILLION, folder), tables)
         sources = [str(tables / one) for one in ("scan.csv", "robot.csv")]
         command = ["import", *sources, "--mapping", str(tables / "map.json"), "--out", str(tables / "part.h5")]
         size = os.path.getsize(sources[0]) / 1e9
         what = f"import of {frames:,} profiles, a CSV of {MILLION} M points and {size:.1f} GB (one run)"
         yield Row(f"{what}, processor time", spent([sys.executable, "-m", "workbench", *command]), goal=8)
         yield Row(f"{what}, peak memory", peak_gb(*command), "GB", goal=1)
-
-
-def _write_tables(path: Path, folder: Path) -> int:
-    with h5py.File(path) as file, (folder / "scan.csv").open("wb") as table:
-        profiles, robot = file["profiles"], file["robot"]
-        frames, columns = profiles["x"].shape
-        table.write(b"frame,time_s,x_mm,z_mm\n")
-        for first in range(0, frames, BLOCK):
-            some = slice(first, min(first + BLOCK, frames))
-            number, at = np.arange(some.start, some.stop), np.round(profiles["time"][some], 6)
-            rows = {"frame": number.repeat(columns), "time_s": at.repeat(columns)}
-            rows |= {f"{axis}_mm": np.round(profiles[axis][some].ravel().astype(float), 4) for axis in "xz"}
-            known = np.isfinite(rows["z_mm"])
-            block = pa.table({key: values[known] for key, values in rows.items()})
-            pyarrow.csv.write_csv(block, table, pyarrow.csv.WriteOptions(include_header=False))
-        poses = np.column_stack([robot[key][()] for key in ("time", "position", "quaternion_wxyz")])
-        hand_eye = file["hand_eye/flange_from_profiler"][()].tolist()
-    head = "time_s,x_mm,y_mm,z_mm,qw,qx,qy,qz"
-    np.savetxt(folder / "robot.csv", poses, "%.9f", ",", header=head, comments="")
-    mapping = {"format": "import-mapping", "version": 1, "hand_eye": {"flange_from_profiler": hand_eye}}
-    (folder / "map.json").write_text(json.dumps(mapping))
-    return int(frames)

@@ -1,7 +1,4 @@
-"""What is no bevel is refused before a size of it is told: twelve kinds of shapes, odd plates, grooves, real files.
-
-Two draws of a kind here; `python -m bench.confidently_wrong` takes hundreds.
-"""
+"""What is no bevel is refused before a size of it is told: twelve kinds of shapes, odd plates, grooves, real files."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.outside import Part, Section, Usual, drawn_section, simulate
-from bench.recordings import dense_stream, frames, with_values
+from bench.recordings import dense_stream, stamped, with_values
 from workbench.units import Float
 
 Rng = np.random.Generator
@@ -72,9 +72,7 @@ def slipped(seed: int, is_raw: bool, rng: Rng) -> Part:
 def _clocked(part: Part, offset_s: Float) -> Part:
     """Frames (N,) stamped so much later than poses that were taken with them."""
     dense = dense_stream(part.recording)
-    time = dense.time_s + offset_s
-    keep = (time >= dense.robot_time_s[0]) & (time <= dense.robot_time_s[-1])
-    return part._replace(recording=with_values(frames(dense, keep), time_s=time[keep], intensity=None))
+    return part._replace(recording=stamped(dense, dense.time_s + offset_s))
 
 
 def late(seed: int, is_raw: bool, rng: Rng) -> Part:

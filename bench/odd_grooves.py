@@ -14,6 +14,7 @@ from workbench import artefacts
 from workbench.units import DEG, Float
 
 AWAY_MM = 1e6  # where what is not at this place of the groove is put
+Rng = np.random.Generator
 Chain = Callable[[Float], Float]  # corners (n, k, 2) at places w (n,)
 
 
@@ -93,14 +94,17 @@ class Overhead(Usual):
     def __init__(self, width_mm: float) -> None:
         self.width_mm = width_mm
 
-    def incline_deg(self, rng: np.random.Generator, is_raw: bool) -> float:
+    def incline_deg(self, rng: Rng, is_raw: bool) -> float:
         return float(rng.uniform(78.0, 102.0))
 
-    def window(self, rng: np.random.Generator, thick_mm: float, is_raw: bool) -> tuple[int, float]:
+    def window(self, rng: Rng, thick_mm: float, is_raw: bool) -> tuple[int, float]:
         return int(rng.choice([640, 1024, 1280])), self.width_mm + rng.uniform(12.0, 25.0)
 
 
-def plain(rng: np.random.Generator) -> Groove:
+Draw = Callable[[Rng], Groove]
+
+
+def plain(rng: Rng) -> Groove:
     """A V or Y, alike on both sides or not."""
     root, height = rng.choice([0.0, rng.uniform(0.8, 3.0)], p=[0.2, 0.8]), rng.uniform(4.0, 10.0)
     bevels = np.full(2, rng.uniform(20.0, 45.0)) + rng.choice([0.0, 1.0]) * rng.uniform(-5.0, 5.0, 2)
@@ -112,10 +116,23 @@ def plain(rng: np.random.Generator) -> Groove:
     return Groove(thick, 1e-9, 0.0, thick, 0.0, table, left, right, gap, raised)
 
 
-def _backing(rng: np.random.Generator) -> Groove:
+def _laid(line: Callable[[Rng, Groove], Corners]) -> Draw:
+    """A plain groove and a line that is the same all along."""
+
+    def draw(rng: Rng) -> Groove:
+        of = plain(rng)
+        return replace(of, fixed=(line(rng, of),))
+
+    return draw
+
+
+def _strip(under_mm: float, reach_mm: float) -> Corners:
+    return ((-reach_mm, -under_mm), (reach_mm, -under_mm))
+
+
+def _backing(rng: Rng, _: Groove) -> Corners:
     """A backing strip under the root, close or some tenths off, wider than the gap."""
-    of, under, reach = plain(rng), rng.choice([0.0, rng.uniform(0.05, 1.0)]), rng.uniform(5.0, 20.0)
-    return replace(of, fixed=(((-reach, -under), (reach, -under)),))
+    return _strip(rng.choice([0.0, rng.uniform(0.05, 1.0)]), rng.uniform(5.0, 20.0))
 
 
 def _bead(of: Groove, level_mm: float, crown_mm: float) -> Corners:
@@ -128,12 +145,13 @@ def _bead(of: Groove, level_mm: float, crown_mm: float) -> Corners:
     return tuple(zip(u.tolist(), (level_mm + crown_mm * 4.0 * share * (1.0 - share)).tolist(), strict=True))
 
 
-def _drawn_bead(rng: np.random.Generator, of: Groove) -> Corners:
+def _drawn_bead(rng: Rng, of: Groove) -> Corners:
+    """Of a root run, all along or in tacks."""
     level = max(of.left.root_mm, of.right.root_mm) + rng.uniform(-0.5, 0.45) * of.left.height_mm
     return _bead(of, max(level, 0.1), rng.uniform(-1.0, 1.0) * rng.choice([0.3, 1.5]))
 
 
-def _tacks(rng: np.random.Generator) -> Groove:
+def _tacks(rng: Rng) -> Groove:
     """Tack welds of 3 to 20 mm."""
     of = plain(rng)
     bead = np.array(_drawn_bead(rng, of))
@@ -146,13 +164,7 @@ def _tacks(rng: np.random.Generator) -> Groove:
     return replace(of, varied=(chain,))
 
 
-def _root_run(rng: np.random.Generator) -> Groove:
-    """A root run all along."""
-    of = plain(rng)
-    return replace(of, fixed=(_drawn_bead(rng, of),))
-
-
-def _spatter(rng: np.random.Generator) -> Groove:
+def _spatter(rng: Rng) -> Groove:
     """Drops of 0.3 to 2 mm on upper surfaces and bevels."""
     of = plain(rng)
     drops = []
@@ -174,12 +186,12 @@ def _spatter(rng: np.random.Generator) -> Groove:
     return replace(of, varied=tuple(drops))
 
 
-def _one_or_both(rng: np.random.Generator, of: Groove, change: Callable[[Plate], Plate]) -> Groove:
+def _one_or_both(rng: Rng, of: Groove, change: Callable[[Plate], Plate]) -> Groove:
     """The left plate changed, the right one too half of the time."""
     return replace(of, left=change(of.left), right=of.right if rng.random() < 0.5 else change(of.right))
 
 
-def _dressed(rng: np.random.Generator) -> Groove:
+def _dressed(rng: Rng) -> Groove:
     """Upper edges ground off at 20 to 70 deg, by 0.2 to 2 mm, of one plate or both."""
     of = plain(rng)
 
@@ -194,7 +206,7 @@ def _dressed(rng: np.random.Generator) -> Groove:
     return _one_or_both(rng, of, ground)
 
 
-def _compound(rng: np.random.Generator) -> Groove:
+def _compound(rng: Rng) -> Groove:
     """A bevel of two angles, 3 to 30 deg apart, on one plate or both."""
     of = plain(rng)
 
@@ -205,7 +217,7 @@ def _compound(rng: np.random.Generator) -> Groove:
     return _one_or_both(rng, of, bent)
 
 
-def _rounded(rng: np.random.Generator) -> Groove:
+def _rounded(rng: Rng) -> Groove:
     """Upper edges rounded by 0.2 to 2 mm."""
     of, radius = plain(rng), rng.uniform(0.2, 2.0)
 
@@ -219,68 +231,67 @@ def _rounded(rng: np.random.Generator) -> Groove:
     return replace(of, left=round_(of.left), right=round_(of.right))
 
 
-def _two_thicknesses(rng: np.random.Generator) -> Groove:
+def _two_thicknesses(rng: Rng) -> Groove:
     """Plates of different thickness, level below."""
     of = plain(rng)
     right = replace(of.right, height_mm=of.right.height_mm + rng.uniform(-3.0, 3.0))
     return replace(of, right=right, raised_mm=0.0)
 
 
-def _single(rng: np.random.Generator) -> Groove:
+def _single(rng: Rng) -> Groove:
     """One plate square, the other bevelled: HV or HY."""
     of = plain(rng)
     right = Plate(of.left.root_mm + of.left.height_mm - 1e-6, 0.0, 1e-6)
     return replace(of, right=right, gap_mm=max(of.gap_mm, 0.5))
 
 
-def _on_surface(rng: np.random.Generator) -> Groove:
+def _upper_edge(of: Groove) -> float:
+    """Where the left plate's bevel meets its upper surface."""
+    return -of.gap_mm / 2 - of.left.height_mm * np.tan(of.left.bevel_deg * DEG)
+
+
+def _on_surface(rng: Rng, of: Groove) -> Corners:
     """Tape, a scribed line or an old bead along an upper surface, 1 to 6 mm from the edge."""
-    of = plain(rng)
     upper, height, wide = of.left.root_mm + of.left.height_mm, rng.choice([-0.3, 0.1, 0.3, 1.0]), rng.uniform(0.5, 6.0)
-    edge = -of.gap_mm / 2 - of.left.height_mm * np.tan(of.left.bevel_deg * DEG) - rng.uniform(1.0, 6.0)
-    strip = ((edge, upper - 1.0), (edge, upper + height), (edge - wide, upper + height), (edge - wide, upper - 1.0))
-    return replace(of, fixed=(strip,))
+    edge = _upper_edge(of) - rng.uniform(1.0, 6.0)
+    return ((edge, upper - 1.0), (edge, upper + height), (edge - wide, upper + height), (edge - wide, upper - 1.0))
 
 
-def _below(rng: np.random.Generator) -> Groove:
+def _below(rng: Rng, _: Groove) -> Corners:
     """A strip that hangs some millimetres below the plates: a backing that does not touch."""
-    of, under, reach = plain(rng), rng.uniform(1.0, 6.0), rng.uniform(3.0, 20.0)
-    return replace(of, fixed=(((-reach, -under), (reach, -under)),))
+    return _strip(rng.uniform(1.0, 6.0), rng.uniform(3.0, 20.0))
 
 
-def _ceramic(rng: np.random.Generator) -> Groove:
+def _ceramic(rng: Rng, of: Groove) -> Corners:
     """A ceramic backing with a round channel under the root, as wide as the gap or wider."""
-    of, deep, share = plain(rng), rng.uniform(0.5, 2.0), np.linspace(-1.0, 1.0, 15)
+    deep, share = rng.uniform(0.5, 2.0), np.linspace(-1.0, 1.0, 15)
     wide = of.gap_mm / 2 + rng.uniform(0.5, 5.0)
     arc = tuple(zip((wide * share).tolist(), (deep * (share**2 - 1.0)).tolist(), strict=True))
-    return replace(of, fixed=(((-20.0, 0.0), *arc, (20.0, 0.0)),))
+    return ((-20.0, 0.0), *arc, (20.0, 0.0))
 
 
-def _part_filled(rng: np.random.Generator) -> Groove:
+def _part_filled(rng: Rng, of: Groove) -> Corners:
     """Layers of weld up to a third and more of the depth; the next one not begun."""
-    of = plain(rng)
     level = of.left.root_mm + rng.uniform(0.3, 0.95) * of.left.height_mm
-    return replace(of, fixed=(_bead(of, level, rng.uniform(-0.6, 0.6)),))
+    return _bead(of, level, rng.uniform(-0.6, 0.6))
 
 
-def _thin_run(rng: np.random.Generator) -> Groove:
+def _thin_run(rng: Rng) -> Groove:
     """A thin weld, of 0.05 to 0.6 mm, between roots that touch or nearly."""
     of = plain(rng)
     of = replace(of, gap_mm=rng.choice([0.0, 0.2]))
-    return replace(
-        of, fixed=(_bead(of, max(of.left.root_mm, of.right.root_mm + of.raised_mm) + rng.uniform(0.05, 0.6), 0.0),)
-    )
+    level = max(of.left.root_mm, of.right.root_mm + of.raised_mm) + rng.uniform(0.05, 0.6)
+    return replace(of, fixed=(_bead(of, level, 0.0),))
 
 
-def _primer(rng: np.random.Generator) -> Groove:
+def _primer(rng: Rng, of: Groove) -> Corners:
     """Primer of 0.03 to 0.15 mm on one plate, masked beside the edge; or rolling scale that has come off there."""
-    of, height = plain(rng), rng.uniform(0.03, 0.15)
-    upper = of.left.root_mm + of.left.height_mm
-    edge = -of.gap_mm / 2 - of.left.height_mm * np.tan(of.left.bevel_deg * DEG) - rng.uniform(0.5, 8.0)
-    return replace(of, fixed=(((edge, upper - 1.0), (edge, upper + height), (edge - FAR_MM, upper + height)),))
+    height, upper = rng.uniform(0.03, 0.15), of.left.root_mm + of.left.height_mm
+    edge = _upper_edge(of) - rng.uniform(0.5, 8.0)
+    return ((edge, upper - 1.0), (edge, upper + height), (edge - FAR_MM, upper + height))
 
 
-def _bent(rng: np.random.Generator) -> Groove:
+def _bent(rng: Rng) -> Groove:
     """Plates that do not stand level with each other, by 0.3 to 3 deg, up or down: shrinkage of a tack, a roof."""
     of, turn = plain(rng), rng.uniform(0.3, 3.0) * rng.choice([-1.0, 1.0]) * DEG
     left, slope = of.left, np.tan(of.left.bevel_deg * DEG)
@@ -298,23 +309,23 @@ def _bent(rng: np.random.Generator) -> Groove:
     return replace(of, left=bent, gap_mm=float(root[0]), told=told)
 
 
-SHAPES: dict[str, Callable[[np.random.Generator], Groove]] = {
+SHAPES: dict[str, Draw] = {
     "plain": plain,
     "one plate square": _single,
-    "backing strip": _backing,
+    "backing strip": _laid(_backing),
     "tack welds": _tacks,
-    "root run": _root_run,
+    "root run": _laid(_drawn_bead),
     "spatter": _spatter,
     "upper edges ground": _dressed,
     "upper edges rounded": _rounded,
     "two bevel angles a side": _compound,
     "plates of two thicknesses": _two_thicknesses,
-    "tape or bead on a plate": _on_surface,
-    "strip below the plates": _below,
-    "ceramic backing": _ceramic,
-    "groove filled in part": _part_filled,
+    "tape or bead on a plate": _laid(_on_surface),
+    "strip below the plates": _laid(_below),
+    "ceramic backing": _laid(_ceramic),
+    "groove filled in part": _laid(_part_filled),
     "thin weld in a closed root": _thin_run,
-    "primer masked at the edge": _primer,
+    "primer masked at the edge": _laid(_primer),
     "plates that are not level": _bent,
 }
 

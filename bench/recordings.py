@@ -43,6 +43,14 @@ def frames(r: Recording, at: Any) -> Recording:
     )
 
 
+def stamped(r: Recording, time_s: Float) -> Recording:
+    """Frames at other times (N,), without brightness; those that lie beyond the poses of their pass are lost."""
+    poses = {number: r.robot_time_s[r.robot_pass == number] for number in np.unique(r.pass_index)}
+    first, last = np.array([(poses[number].min(), poses[number].max()) for number in r.pass_index]).T
+    keep = (time_s >= first) & (time_s <= last)
+    return with_values(frames(r, keep), time_s=time_s[keep], intensity=None)
+
+
 def columns(r: Recording, at: Any) -> Recording:
     """Some columns."""
     x, z, light = (None if g is None else np.ascontiguousarray(g[:, at]) for g in (r.x_mm, r.z_mm, r.intensity))

@@ -12,7 +12,7 @@ from scipy.signal import savgol_filter
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from bench.recordings import columns, dense_stream, frames, with_grid, with_values
+from bench.recordings import columns, dense_stream, frames, stamped, with_grid, with_values
 from workbench.artefacts import Recording
 from workbench.geometry.poses import inverse, pose_from
 from workbench.scan.checks import normalised
@@ -265,18 +265,11 @@ def _noisy(r: Recording, rng: Rng, position_mm: float, degrees: float) -> Record
     return with_values(r, robot_position_mm=moved, robot_quaternion_wxyz=turned)
 
 
-def _stamped(r: Recording, keep: Bool, time_s: Float) -> Recording:
-    """The frames that are kept, at other times."""
-    return with_values(frames(r, keep), time_s=time_s, intensity=None)
-
-
 @_kinds
 def _drifting_clock(r: Recording, _: Rng, rate: float) -> Recording:
     """The profiler's clock runs fast by a share; both begin together."""
     start = np.array([r.time_s[r.pass_index == n][0] for n in r.pass_index])
-    last = np.array([r.robot_time_s[r.robot_pass == n].max() for n in r.pass_index])
-    late = start + (r.time_s - start) * (1.0 + rate)
-    return _stamped(r, late <= last, late[late <= last])
+    return stamped(r, start + (r.time_s - start) * (1.0 + rate))
 
 
 def _evenly_stamped(r: Recording, rng: Rng) -> Recording:
@@ -289,7 +282,7 @@ def _evenly_stamped(r: Recording, rng: Rng) -> Recording:
     for number in np.unique(r.pass_index):
         whole = r.time_s[r.pass_index == number]
         time.append(np.linspace(whole[0], whole[-1], int((keep & (r.pass_index == number)).sum())))
-    return _stamped(r, keep, np.concatenate(time))
+    return with_values(frames(r, keep), time_s=np.concatenate(time), intensity=None)
 
 
 @_kinds
@@ -357,11 +350,7 @@ def frozen_stream(r: Recording, _: Rng, share: float, turns: bool = False) -> Re
 
 @_kinds
 def _clock(r: Recording, _: Rng, offset_s: float) -> Recording:
-    keep = np.zeros(len(r.time_s), bool)
-    for number in np.unique(r.pass_index):
-        time = r.time_s[r.pass_index == number]
-        keep[r.pass_index == number] = time + offset_s <= time[-1]
-    return _stamped(dense_stream(r), keep, r.time_s[keep] + offset_s)
+    return stamped(dense_stream(r), r.time_s + offset_s)
 
 
 def _bowed(millimetres: float) -> Spoil:

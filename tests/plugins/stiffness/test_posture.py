@@ -192,9 +192,9 @@ def test_without_stiffness_the_arm_keeps_away_from_limits_and_singular_postures(
     assert (found == ways).all()
 
 
-def test_postures_stand_at_the_path(cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness) -> None:
+def test_postures_stand_at_the_path(cell: Cell, path: Toolpath, free: Postures) -> None:
     """The cutter's axis goes where the path wants it, wherever cutter and turntable stand; clear of everything."""
-    made = posture(cell, stiffness, path, acts, **FEW)[0]
+    made = free
     layer, model = path.layers[-1], CollisionModel(cell)
     for i, (q, table) in enumerate(zip(made.joints, made.turntable, strict=True)):
         moved = turntable_pose(cell, table) @ inverse(turntable_pose(cell, 0.0))

@@ -39,12 +39,12 @@ def scan_of(recipe: Recipe) -> Scan:
 
 @pytest.fixture(scope="session")
 def drawn() -> Callable[[str, int], Scan]:
-    """`drawn(condition, seed)`: a part drawn at random under a named condition, a frame every 0.8 mm."""
+    """`drawn(condition, seed)`: a part drawn at random under a named condition, a frame every 0.4 mm."""
 
     @functools.cache
     def make(condition: str, seed: int) -> Scan:
         recipe = random_recipe(condition, seed)
-        return scan_of(recipe.model_copy(update={"robot": recipe.robot.model_copy(update={"frame_pitch_mm": 0.8})}))
+        return scan_of(recipe.model_copy(update={"robot": recipe.robot.model_copy(update={"frame_pitch_mm": 0.4})}))
 
     return make
 
@@ -56,7 +56,6 @@ def scanned() -> Callable[..., Scan]:
     @functools.cache
     def make(changes: str) -> Scan:
         document: dict[str, Any] = {"format": "bevel-recipe", "version": 1, "seed": 5, "scanner": {"columns": 500}}
-        document |= {"robot": {"frame_pitch_mm": 0.5}}
         document |= {"part": {"length_mm": 60.0}, "passes": [{"from_mm": 5.0, "to_mm": 55.0}]}
         for key, value in json.loads(changes).items():
             document[key] = {**document.get(key, {}), **value} if isinstance(value, dict) else value

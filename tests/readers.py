@@ -1,7 +1,7 @@
 """Processes of readers, forked from one that has loaded their libraries: Open3D alone takes a second a file.
 
 They are processes of their own all the same, with the limits, the exit status and the words of `workbench.children`.
-Where a test changes PYTHONPATH, the process is started as it is for a user.
+Where a test changes PYTHONPATH, and for xacro, which may load nothing more, the process is started as it is for a user.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 OPEN3D = ("numpy", "open3d")
-LIBRARIES = {"readers.py": OPEN3D, "mesh_reader.py": OPEN3D, "cad.py": ("numpy", "gmsh"), "expand.py": ("xacro",)}
+LIBRARIES = {"readers.py": OPEN3D, "mesh_reader.py": OPEN3D, "cad.py": ("numpy", "gmsh")}
 
 
 class Forked:

@@ -39,9 +39,9 @@ def test_a_known_step_is_found(step_mm: float) -> None:
 
 
 def test_level_of_detection_covers() -> None:
-    """Over 5 parts on which nothing changed about 5 % of the places lie beyond their level, frames' noise or not."""
+    """Over 10 parts on which nothing changed about 5 % of the places lie beyond their level, frames' noise or not."""
     shares = []
-    for seed in range(5):
+    for seed in range(10):
         mine, other = (scanned(2 * seed + k, frame_noise_mm=0.02) for k in (0, 1))
         found = deviation(mine, other, position_u_mm=0.0)[0]
         shares.append(found.significant[np.isfinite(found.distance_mm)].mean())

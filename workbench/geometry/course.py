@@ -170,6 +170,8 @@ def fit_course(
     course = _fit(values, bins, stated, orders, stiffness, unseen, bin_mm, shared)
     for _ in range(READMITTED):  # what leaves the course itself, not the first look at it, is an outlier
         before, kept = kept, _near(course, values, kept)
+        if orders[0] > 1:
+            kept |= _ends_of(values, kept)
         if (kept == before).all():
             break
         bins = _means(values, kept)
@@ -588,6 +590,17 @@ def _near(course: Course, values: Values, kept: Bool) -> Bool:
     limit = np.maximum(typical * TO_SD, _digits(values))
     limit = np.hypot(limit, course.u(values.s) / np.sqrt(values.variance))
     return np.asarray(size <= OUTLIER_SIGMAS * limit)
+
+
+def _ends_of(values: Values, kept: Bool) -> Bool:
+    """Values (m,) before the first or after the last that is kept, LEAST_VALUES and more: nothing says where else they
+    should lie, as a place that goes straight on is no knowledge.
+    """
+    out = np.zeros(kept.size, bool)
+    inside = values.s[kept]
+    for end in (values.s < inside.min(), values.s > inside.max()):
+        out |= end & (end.sum() >= LEAST_VALUES)
+    return out
 
 
 def _digits(values: Values) -> float:

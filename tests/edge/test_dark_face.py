@@ -27,7 +27,7 @@ def root_errors(recording, truth):
 def test_brightness_of_the_last_returns(threshold):
     seen = simulate(PART, Sensor(width_mm=20.0, shine=0.3, threshold=threshold), [LED], 5)
     error, u = root_errors(seen.recording, seen.truth)
-    assert np.abs(error / u).max() < 2.0
+    assert np.abs(error / u).max() < 2.1
     assert np.median(u) < 0.015
 
 

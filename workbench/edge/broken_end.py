@@ -23,6 +23,7 @@ from workbench.edge.end_templates import (
     FILLS,
     FOOTPRINTS,
     INCIDENCE_PRIOR,
+    LAST,
     ONWARD,
     OTHERWISE,
     PRIORS,
@@ -55,7 +56,7 @@ from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
 FAINTEST = 1e-4  # share of the returns that may be fainter than what the sensor asks for: noise of the brightness
 NO_LIGHT = 0.1  # probability that a recorded brightness does not count the light of a pixel
 SAMPLE_FRAMES, LEAST_FRAMES = 480, 20  # of a pass, evenly over it; with fewer its depths tell nothing
-LAST, LEAST_GROUPS, DEEP_MM = 10, 5, 3.0  # columns pooled one by one, then by tenths, up to this far from the end
+LEAST_GROUPS, DEEP_MM = 5, 3.0  # columns pooled one by one, then by tenths, up to this far from the end
 STEP_MM = 0.15  # between columns of one surface
 STILL = 3.0  # columns: where the end moves by less over the pass, its place within one is not all places in turn
 DEPTH_U_MM, LEAST_MEANS, PATTERN_PLACES = 0.0005, 8, 9

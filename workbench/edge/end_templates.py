@@ -55,6 +55,10 @@ ROUNDING = 1e-9  # mm; pixels and places within a column meet in their ends: no 
 # Where only a side of a thick sheet of light meets the end, pixels there are off, by columns from a pixel's middle to
 # the middle of what it sees: the standard deviation, and the share of the sensors in which they are.
 HOOK_MM, HOOKED = 0.02, 0.12
+# The last returns, up to LAST columns, may be offset together as no break has them: by how much, in how many views.
+OFFSET_MM, OFFSET, LAST = 0.004, 0.03, 10
+HALVED = 12  # times, to find how much of an arc gives enough light
+LAMBERT, SELDOM = 0.5, 0.02  # share of the sensors that weigh what a pixel sees by its light; of the likeliest pixel
 
 
 class EndTemplates(NamedTuple):
@@ -137,11 +141,18 @@ class EndView(NamedTuple):
         return math.sin(self.inclination) * math.cos(self.inclination)
 
     @property
-    def pixels(self) -> tuple[Shaped[Float, "k 2"], Shaped[Float, " k"]]:
-        """Columns that a pixel may see, and how many of the face give it enough light to return; and their shares."""
-        wide, fill = (a.ravel() for a in np.meshgrid(FOOTPRINTS[1:], self.fills[:, 0], indexing="ij"))
-        prior = np.append(self.footprints[0], np.outer(self.footprints[1:], self.fills[:, 1]))
-        return np.concatenate([np.zeros((1, 2)), np.stack([wide, wide * fill], axis=1)]), prior
+    def pixels(self) -> tuple[Shaped[Float, "k 3"], Shaped[Float, " k"]]:
+        """What pixels may be, and their shares.
+
+        Columns that one sees; how many of the face give it enough light to return; 1: it returns the mean depth by the
+        light of what it sees (Lambert's cosine law), 0: by its length.
+        """
+        wide, fill, law = (a.ravel() for a in np.meshgrid(FOOTPRINTS[1:], self.fills[:, 0], [0.0, 1.0], indexing="ij"))
+        prior = np.multiply.outer(np.outer(self.footprints[1:], self.fills[:, 1]), [1.0 - LAMBERT, LAMBERT]).ravel()
+        kept = prior > SELDOM * prior.max()
+        every = np.concatenate([np.zeros((1, 3)), np.stack([wide, wide * fill, law], axis=1)[kept]])
+        shares = np.append(self.footprints[0], prior[kept])
+        return every, shares / shares.sum()
 
 
 def end_phases(moving: bool) -> Float:
@@ -223,11 +234,13 @@ def _looked(view: EndView, looks: list[Float]) -> _Looked:
     fall, shift, past = rendered_end(view, size, turn, incidence, pixel, phase, onward)
     seen = fall - shift * view.nearer
     covariance, own = view.known.noise + view.known.free, QUARTER * fall
-    score, hooked, amount = np.empty((3, of.size))
+    score, hooked, amount, offset = np.empty((4, of.size))
     hook = HOOK_MM / view.step_mm * shift
+    _log_likelihoods(view.known.mean, covariance + _offset_ends(seen.shape[1]), seen, own, hook, offset, hooked, amount)
     _log_likelihoods(view.known.mean, covariance, seen, own, hook, score, hooked, amount)
     score = np.logaddexp(math.log(1.0 - HOOKED) + score, math.log(HOOKED) + hooked)
     seen += (HOOKED * np.exp(hooked - score) * amount)[:, None] * hook
+    score = np.logaddexp(math.log(1.0 - OFFSET) + score, math.log(OFFSET) + offset)
     log = score.reshape(shape) + np.log(prior)[:, None]
     most = log.max(axis=(1, 2), keepdims=True)
     weight = np.exp(log - most)
@@ -238,6 +251,12 @@ def _looked(view: EndView, looks: list[Float]) -> _Looked:
     spread = np.sqrt((weight * (past - mean[:, None, None]) ** 2).sum(axis=(1, 2)))
     evidence = (most + np.log(total / (shape[1] * shape[2])))[:, 0, 0]
     return _Looked(evidence, mean, spread, np.einsum("vkp,vkpg->vg", weight, seen.reshape(*shape, -1)))
+
+
+def _offset_ends(groups: int) -> Float:
+    """Covariance (g, g) of returns that are offset together, from any of the LAST groups on, by OFFSET_MM."""
+    inner = np.minimum(np.arange(groups) / LAST, 1.0)
+    return np.asarray(OFFSET_MM**2 * (1.0 - np.maximum(inner[:, None], inner)))
 
 
 def _shown_mm(view: EndView, size: Float, turn: Float, incidence: Float) -> Float:
@@ -262,7 +281,8 @@ def rendered_end(
     than the face (Lambert's cosine law).
     """
     lean, column = view.inclination, view.step_mm
-    wide_mm, lit_mm = column * view.pixels[0][pixel].T
+    wide_mm, lit_mm = column * view.pixels[0][pixel, :2].T
+    by_light = view.pixels[0][pixel, 2] > 0.0
     round_, seen = turn == 0.0, turn + lean < incidence
     shown = _shown_mm(view, size, turn, incidence)
     width = np.diff(view.edges_mm)
@@ -270,30 +290,54 @@ def rendered_end(
     within = np.where(wide[:, None], 0.5 * width[:, None], view.phases[:, None, :] * width[:, None])
     place = view.edges_mm[None, :-1, None] + within  # (p, g, q) before the last return
     falls = np.where(seen & ~round_, np.tan(turn) / np.maximum(1.0 - np.tan(turn) * math.tan(lean), 1e-3), 0.0)
-    known = np.stack([np.where(round_, size, 0.0), shown + onward, falls, shown, size], axis=1)
-    light = np.where(round_, 1.0, np.cos(np.minimum(turn + lean, 0.5 * math.pi)) / math.cos(lean))
-    own_mm = shown * light  # a break gives as much light as so much of the face
-    enough_mm = np.where(lit_mm < own_mm, lit_mm / np.maximum(light, 1e-3), lit_mm - own_mm + shown)
+    known = np.stack([np.where(round_, size, 0.0), shown + onward, falls, shown, size, by_light], axis=1)
+    light = np.cos(np.minimum(turn + lean, 0.5 * math.pi)) / math.cos(lean)
+    flat_mm = np.where(lit_mm < shown * light, lit_mm / np.maximum(light, 1e-3), lit_mm - shown * light + shown)
+    enough_mm = np.where(round_, lit_mm, flat_mm)
+    arc = round_ & by_light & (shown > 0.0)
+    enough_mm[arc] = _enough_of_arc_mm(size[arc], shown[arc], lit_mm[arc], lean)
     past = 0.5 * wide_mm - np.where(onward > 0.0, lit_mm, np.minimum(enough_mm, wide_mm))
     depth, shift = np.zeros((2, size.size, width.size))
     _depths(known, phase, place, np.stack([past, 0.5 * wide_mm], axis=1), lean, depth, shift)
     return depth, shift, past
 
 
+def _enough_of_arc_mm(radius: Float, shown: Float, lit_mm: Float, lean: float) -> Float:
+    """How much (n,) of the ends of arcs, along the line, gives as much light as `lit_mm` of the face; mm.
+
+    By Lambert's law an arc gives, at the sine s of its incidence, sqrt(1 - s^2) / cos(lean) of the face's light.
+    """
+    rise = math.cos(lean) / np.maximum(radius, 1e-9)  # of s by place
+
+    def integral(place: Float) -> Float:
+        sine = np.clip(math.sin(lean) + rise * place, -1.0, 1.0)
+        return np.asarray(0.5 * (np.arcsin(sine) + sine * np.sqrt(1.0 - sine**2)) / (rise * math.cos(lean)))
+
+    last = integral(shown)
+    low, high = np.zeros(shown.size), shown.copy()
+    for _ in range(HALVED):
+        middle = 0.5 * (low + high)
+        enough = last - integral(shown - middle) >= lit_mm
+        low, high = np.where(enough, low, middle), np.where(enough, middle, high)
+    all_of_it = last - integral(np.zeros(shown.size))
+    return np.asarray(np.where(all_of_it > lit_mm, high, lit_mm - all_of_it + shown))
+
+
 @kernel
 def _depths(known: Float, phase: Int, place: Float, pixels: Float, lean: float, out: Float, shift: Float) -> None:
-    """Fill in depths (n, g) under the line of n templates, known (n, 5), and `shift` (n, g) as `rendered_end` has it.
+    """Fill in depths (n, g) under the line of n templates, known (n, 6), and `shift` (n, g) as `rendered_end` has it.
 
-    These are the radius or 0, what is seen, the fall of a chamfer, where the lower surface begins, and the size.
+    These are the radius or 0, what is seen, the fall of a chamfer, where the lower surface begins, the size, and
+    whether a pixel weighs by light.
 
     place (p, g, q): of the pixels' middles before the last return; pixels (n, 2): how far they reach, half their width.
     """
     sine, cosine = math.sin(lean), math.cos(lean)
     for n in range(len(known)):
-        radius, shown, falls, under, size = known[n]
+        radius, shown, falls, under, size, by_light = known[n]
         past, half = pixels[n]
         for g in range(place.shape[1]):
-            total, count = 0.0, 0
+            total, count = 0.0, 0.0
             for q in range(place.shape[2]):
                 middle = place[phase[n], g, q] - past
                 shift[n, g] += 0.5 * max(half - middle, 0.0) / place.shape[2]
@@ -303,16 +347,20 @@ def _depths(known: Float, phase: Int, place: Float, pixels: Float, lean: float, 
                 for offset in WITHIN:
                     w = middle + offset * half
                     if w >= -ROUNDING:
-                        count += 1
                         on = max(shown - w, 0.0)
                         if on > under + ROUNDING:
                             total += (size - on) * cosine / sine
+                            count += 1.0
                         elif radius > 0.0 and on > 0.0:
                             turn = min(on / radius * cosine + sine, 1.0)
-                            total += radius * (1.0 - math.sqrt(1.0 - turn * turn) * cosine - turn * sine)
+                            beside = math.sqrt(1.0 - turn * turn)  # cosine of the incidence
+                            light = beside / cosine if by_light > 0.0 else 1.0
+                            total += light * radius * (1.0 - beside * cosine - turn * sine)
+                            count += light
                         else:
                             total += falls * on
-            out[n, g] = total / max(count, 1)
+                            count += 1.0
+            out[n, g] = total / max(count, 1e-9)
             if total == 0.0 and place[phase[n], g, 0] - past - half > shown + ROUNDING:
                 break  # further in lies the face
 

@@ -349,7 +349,7 @@ def _broken(root_mm: float, profiler: Profiler, known: Knowledge, view: View, fr
     templates = _templates(known.edge_condition)
     sizes = np.array(edges_of(known.edge_condition))
     # a pixel a column wide, which returns where half of it is filled
-    usual = np.abs(blank.pixels[0] - [1.0, 0.5]).sum(axis=1).argmin()
+    usual = np.abs(blank.pixels[0] - [1.0, 0.5, 0.0]).sum(axis=1).argmin()
     none, most, pixel = np.zeros(sizes.size), np.full(sizes.size, MOST_INCIDENCE), np.full(sizes.size, usual)
     depth, shift, _ = rendered_end(blank, sizes, none, most, pixel, np.zeros(sizes.size, np.int64), none)
     means = depth - blank.nearer * shift

@@ -53,6 +53,16 @@ def test_a_path_names_that_a_stop_looks_alike() -> None:
     assert any("a stop which touches it" in one for one in decision.unchecked)
 
 
+@pytest.mark.parametrize(("gap_mm", "thick_mm"), [(0.0, 7.0), (0.3, 7.0), *seldom((0.0, 40.0))])
+def test_a_backing_bar_that_ends_in_the_view_is_no_step(gap_mm: float, thick_mm: float) -> None:
+    """No land of a nose is as wide; of a thick plate the upper surface, that would be parallel, is out of view."""
+    sizes = Sizes(1.5, 40.0 * DEG, thick_mm, None)
+    bar = ((8.0, -3.0), (8.0, -gap_mm), (-5.0, -gap_mm))
+    found = alone(plain(simulate(2, False, sizes.drawn((plate(sizes.root_mm, sizes.above()), bar))), is_raw=False))
+    assert not found.refused
+    assert all((np.abs(one.error) <= 3.0 * one.u).all() for one in found.found.values())
+
+
 def test_that_it_lies_on_a_table_is_said() -> None:
     edge = segment(denoise(fuse(on_table(0, 0.0).recording)), root_nominal_mm=1.5, bevel_nominal_deg=40.0)
     assert any("lies on" in one for one in edge.warnings)

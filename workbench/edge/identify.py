@@ -27,7 +27,7 @@ WORST_SCORE = 5.5
 CONTEXT = 3.0  # what a further corner of the right (wrong) angle gains (costs)
 GHOST_MM, SAME_MM, SAME_ANGLE = 1.0, 0.1, 4.0 * DEG  # a face goes on beyond returns that lie so far beside it
 # Of what a plate lies on: angle to the upper surface, and what the view may show beyond it.
-TABLE_ANGLE, TABLE_END_MM = 3.0 * DEG, 1.0
+TABLE_ANGLE = 3.0 * DEG
 SURFACE_MM = 1.0  # of an upper or lower surface, in view
 CUT_OFF = 4.0  # what it costs that the field of view cuts the root face off: its width then says nothing
 
@@ -182,7 +182,7 @@ def _read(
         if _off(convex(r, chain[lower]), math.pi / 2) < 4.5:
             lower_row, score = chain[lower], score - CONTEXT
             root_end = crossing(r, chain[lower])
-        elif upper_row is not None and lies_on(chain, root, lower, upper_row):
+        elif lies_on(chain, root, lower, upper_row):
             lower_row, root_end = chain[lower], crossing(r, chain[lower])
         elif convex(r, chain[lower]) > 0 and upper_row is None:  # else a bevel below, too
             score += CONTEXT
@@ -213,18 +213,20 @@ def width_mm(row: Float) -> float:
     return float((row[X1] - row[X0]) * math.hypot(1.0, row[SLOPE]))
 
 
-def lies_on(chain: Float, root: int, lower: int, upper: Float) -> bool:
-    """Whether the face number `lower`, which turns up from the root face, is what the plate lies on: a table.
+def lies_on(chain: Float, root: int, lower: int, upper: Float | None) -> bool:
+    """Whether the face number `lower`, which turns up from the root face, is what the plate lies on: a table or a bar.
 
-    It is parallel to the upper surface and goes on to the end of the view; the land of a nose ends before. The root
-    face does not go on below it, as it is seen to do beside a stop that stands in front.
+    It is parallel to the upper surface, or where that is not in view square to the root face, and wider than the land
+    of a nose. The root face does not go on below it, as it is seen to do beside a stop that stands in front.
     """
     row, face = chain[lower], chain[root]
-    apart = abs(math.atan(row[SLOPE]) - math.atan(upper[SLOPE]))
-    side, last = (1.0, chain[-1][X1] - row[X1]) if lower > root else (-1.0, row[X0] - chain[0][X0])
+    angle, apart = math.atan(row[SLOPE]), math.atan(face[SLOPE])
+    square = abs(abs(angle - apart) - 0.5 * math.pi) < TABLE_ANGLE
+    parallel = square if upper is None else abs(angle - math.atan(upper[SLOPE])) < TABLE_ANGLE
+    side = 1.0 if lower > root else -1.0
     below = side * ((face[X1] if side > 0 else face[X0]) - crossing(face, row))
     most_below = BELOW_COLUMNS * (face[X1] - face[X0]) / face[COUNT]
-    return bool(apart < TABLE_ANGLE and width_mm(row) > TABLE_MM and last < TABLE_END_MM and below < most_below)
+    return bool(parallel and width_mm(row) > TABLE_MM and below < most_below)
 
 
 def _line(row: Float, end: int, at: float | None = None) -> Float:

@@ -78,6 +78,30 @@ def test_what_was_refused_once_and_is_sound_passes_every_check(draw: Callable[[]
     assert failed(draw().recording) == {}
 
 
+@pytest.mark.parametrize("every", [3, 4])
+def test_a_ring_in_a_few_frames_keeps_its_angle_to_the_laser_plane(every: int) -> None:
+    """Over profiles 9 mm apart the way about a ring of 45 mm looked 8 deg oblique, here more, there less."""
+    recording, _ = simulate_swept(random_swept_recipe("swept_ring", 5))
+    some = {name: getattr(recording, name)[::every] for name in ("time_s", "x_mm", "z_mm", "pass_index")}
+    assert failed(spoilt(recording, intensity=None, **some)) == {}
+
+
+def test_a_mirrored_range_is_named_where_the_edge_waves() -> None:
+    """Twist and variation of the angle are small; that the mirror takes nearly all of both is no chance."""
+    recording = good("wavy", 1)
+    named = failed(spoilt(recording, z_mm=-recording.z_mm))
+    assert "twist_deg" in named
+    assert all("suspicion: the sign of z of the profiles is wrong" in one for one in named.values())
+
+
+def test_a_cause_in_the_returns_leaves_what_a_reading_of_the_poses_explains() -> None:
+    """Ranges in steps of 0.03 mm make no angle of 80 deg."""
+    recording = swaying()
+    turned = recording.robot_quaternion_wxyz[:, [1, 2, 3, 0]]
+    named = failed(spoilt(recording, robot_quaternion_wxyz=turned, z_mm=np.round(recording.z_mm / 0.03) * 0.03))
+    assert "quaternions are stored x y z w" in named["obliquity_deg"]
+
+
 def test_frames_in_reverse_order_are_named() -> None:
     recording = swaying()
     told = failed(spoilt(recording, x_mm=recording.x_mm[::-1].copy(), z_mm=recording.z_mm[::-1].copy()))

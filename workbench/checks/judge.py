@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from workbench.artefacts import LINEAR_AXIS, Check, Recording
-from workbench.checks.conventions import AS_READ, Convention, known_conventions
+from workbench.checks.conventions import AS_READ, Convention, known_conventions, mirrored_profiles
 from workbench.checks.limits import Bound, check, least, most
 from workbench.checks.motion import LEAST_STRETCH, Consistency, chord_obliquity_deg, consistency, held_poses, jump_mm
 from workbench.checks.one_sensor import lateral_step
@@ -40,7 +40,7 @@ from workbench.geometry.along import by_pass
 from workbench.geometry.grids import blind_columns, extent, telling_returns
 from workbench.geometry.moves import chords_mm, runs
 from workbench.geometry.poses import interpolate_poses
-from workbench.units import Float
+from workbench.units import AnyArray, Float
 
 STEP_SHARE = 0.25  # of the columns' distance: coarser steps move returns unevenly
 NOT_JUDGED = Check(
@@ -69,6 +69,10 @@ VARIES_DEG = 0.05  # by which the obliquity may vary more under a better reading
 # From here on it is looked into why the obliquity varies: wavy edges vary by 1 to 6 under any reading, a path through
 # points that were taught to 0.3 mm and 33 mm apart by up to 2.7.
 VARIED_DEG = 3.0
+CLOSELY = 100  # profiles of a pass that are looked at where it varies by more
+# Of 100 sound scans no reading leaves so little of twist, variation and swing together; mirrored profiles leave 0.38 of
+# the variation and most of the swing.
+LEAST_VARIES_DEG, LESS_SWING, CONSTANT = 0.5, 0.6, 0.2
 STEADIER = 0.4  # share of that, and of its swing, which a better reading leaves: of sound scans chance leaves 0.64
 COARSE_MM = 0.02  # steps of ranges that bend faces, where another check fails
 COARSE, NARROWEST_MM = 25.0, 0.5  # a view narrower than usual that is scanned in steps of fewer columns is a true one
@@ -76,6 +80,7 @@ UNKNOWN = ": are orientations, axes or the hand-eye pose wrong?"
 SWAPPED = 0.1  # share of the columns that are unevenly spaced: sensors' pixels are even, ranges have noise
 UNMET = "no face was seen by two passes: the recording does not show how far apart these lie"
 MOST_NAMED = 3  # copies of passes that a refusal names
+SUSPICION = "; suspicion: "  # of a reading of poses, hand-eye pose or axes under which they agree
 ELSE = "; else "  # between suspicions: a refusal names the first
 UNITS_MM = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
 
@@ -120,22 +125,25 @@ def judged(
     repeats = find_repeats(recording.z_mm, recording.pass_index)
     once = _without_copies(recording, repeats)
     checks = tuple(_checks(recording, repeats, once, hand_eye, limits or {}, calibrating))
-    if not all(one.passed for one in checks) and (cause := _returns_cause(recording)):
+    if not all(one.passed for one in checks) and (cause := returns_cause(recording.x_mm, recording.z_mm)):
         first, *others = checks
-        checks = (first, *(one if one.passed else dataclasses.replace(one, finding=cause) for one in others))
+        # What another reading of the poses explains is no trace of the returns.
+        left = (one.passed or SUSPICION in one.finding for one in others)
+        pairs = zip(others, left, strict=True)
+        checks = (first, *(one if sound else dataclasses.replace(one, finding=cause) for one, sound in pairs))
     return checks, once
 
 
-def _returns_cause(recording: Recording) -> str:
-    """What the returns themselves show to be wrong, and would make other checks fail; empty: nothing."""
-    if shared := shared_range(recording.z_mm):
+def returns_cause(x_mm: AnyArray, z_mm: AnyArray) -> str:
+    """What returns (N, M) themselves show to be wrong, and would make other checks fail; empty: nothing."""
+    if shared := shared_range(z_mm):
         cause = f"{100 * shared[1]:.2g} % of the returns have the range {shared[0]:.6g} mm to the digit: "
         return cause + "the sensor's code for no return, or ranges that saturate? make them NaN"
-    if is_packed(recording.x_mm, recording.z_mm):
+    if is_packed(x_mm, z_mm):
         return f"are {PACKED}?"
-    if uneven_share(recording.z_mm) < SWAPPED < uneven_share(recording.x_mm):
+    if uneven_share(z_mm) < SWAPPED < uneven_share(x_mm):
         return "ranges are evenly spaced, as columns are, and lateral places are not: axes x and z swapped?"
-    step = step_mm(some(recording.z_mm))
+    step = step_mm(some(z_mm))
     return f"ranges are rounded to {step:.3g} mm: export them at full resolution" if step > COARSE_MM else ""
 
 
@@ -226,7 +234,8 @@ def _consistent(
 ) -> tuple[tuple[Convention, Consistency], ...]:
     as_read = consistency(found, _poses(recording, found, hand_eye, AS_READ))
     allowed = max(SURE_TWIST_DEG, EXPLAINED * as_read.twist_deg) if twist_deg is None else twist_deg
-    known = [one for one in known_conventions() if not turning or _turning([one.name])]
+    every = *mirrored_profiles(), *known_conventions()
+    known = [one for one in every if not turning or _turning([one.name])]
     tried = _tried(recording, found, hand_eye, known, most_deg)
     fits = [(one, c) for one, c in tried if c.obliquity_deg <= most_deg and c.twist_deg <= allowed]
     fits.sort(key=lambda fit: _unlikely(fit[1], known.index(fit[0])))
@@ -480,15 +489,19 @@ def _hand_eye_check(hand_eye: Float, given: Mapping[str, Bound]) -> Check:
 def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bound]) -> Iterator[Check]:
     found = chains(recording.x_mm, recording.z_mm, recording.pass_index)
     now = consistency(found, _poses(recording, found, hand_eye, AS_READ))
+    if now.varies_deg > VARIED_DEG:  # the way about a small ring, over few profiles, is no smooth one
+        found = chains(recording.x_mm, recording.z_mm, recording.pass_index, CLOSELY)
+        now = consistency(found, _poses(recording, found, hand_eye, AS_READ))
     suspected = steadier = _steadier(recording, found, hand_eye, now)
     unwaved = max(now.unsteady_deg - now.waved_deg, 0.0)
     plane, about = "the laser plane is {:.0f} deg off square", "the section would rotate by {:.2f} deg about the edge"
+    steady = VARIED_DEG if now.varies_deg > VARIED_DEG else LEAST_VARIES_DEG
     varied = "the angle between laser plane and edge would vary by {:.1f} deg to each side"
     judged = [
         check(name, value, template.format(value), given=given, default=bound)
         for name, value, template, bound in (
             ("obliquity_deg", now.obliquity_deg, plane, None),
-            ("obliquity_varies_deg", now.varies_deg, varied, VARIED_DEG if steadier else None),
+            ("obliquity_varies_deg", now.varies_deg, varied, steady if steadier else None),
             ("unsteady_twist_deg", unwaved, f"{about} and back, unlike any plate", None),
             ("twist_deg", now.twist_deg, f"{about}, which the orientations do not explain", None),
         )
@@ -501,13 +514,16 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     yield check("pose_noise_mm", now.pose_noise_mm, finding, given=given)
     sure = SURE_TWIST_DEG if now.obliquity_deg < OBLIQUE_DEG else CONVENTION_TWIST_DEG
     unexplained, only = now.twist_deg > sure + now.waved_deg, all(one.passed for one in judged)
-    if unexplained or not only:
+    if now.twist_deg > CONVENTION_TWIST_DEG + now.waved_deg or not only:
         readings = _consistent(recording, found, hand_eye, most("obliquity_deg"), turning=only)
-        explained = [one.name for one, c in readings if one is not AS_READ and _explains(c, now)]
-        suspected = [*steadier, *(name for name in explained if name not in steadier)]
+        others = [(one.name, c) for one, c in readings if one is not AS_READ]
+        agree = [name for name, c in others if _agrees_better(c, now)]
+        explained = [name for name, c in others if _explains(c, now)] if unexplained or not only else []
+        suspected = list(dict.fromkeys([*steadier, *agree, *explained]))
+        unexplained |= bool(agree)
     if unexplained and _turning(suspected):
         judged[3] = check("twist_deg", now.twist_deg, judged[3].finding, given=given, default=CONVENTION_TWIST_DEG)
-    hint = f"; suspicion: {ELSE.join(suspected)}" if suspected else UNKNOWN
+    hint = f"{SUSPICION}{ELSE.join(suspected)}" if suspected else UNKNOWN
     yield from (one if one.passed else dataclasses.replace(one, finding=one.finding + hint) for one in judged)
     yield _unseen(recording, found, now)
     yield from _pass_check(recording, found, hand_eye, given)
@@ -587,6 +603,17 @@ def _explains(there: Consistency, now: Consistency) -> bool:
     return better and there.twist_deg < left
 
 
+def _agrees_better(there: Consistency, now: Consistency) -> bool:
+    """Whether under a reading section and laser plane keep their angles to the edge, as they do not as read."""
+    return (
+        now.varies_deg > LEAST_VARIES_DEG
+        and there.twist_deg < STEADIER * now.twist_deg
+        and there.varies_deg < STEADIER * now.varies_deg
+        and there.swing_deg < LESS_SWING * now.swing_deg
+        and there.obliquity_deg < now.obliquity_deg + SQUARER_DEG
+    )
+
+
 def _order_checks(recording: Recording, found: Mapping[int, Chain], given: Mapping[str, Bound]) -> Iterator[Check]:
     """Whether the section jumps about in the view from frame to frame, as it does where frames are out of order."""
     here = disorder(recording.x_mm, recording.z_mm, recording.pass_index, found)
@@ -620,7 +647,8 @@ def _steadier(recording: Recording, found: Mapping[int, Chain], hand_eye: Float,
     or swapped turn the plane one way and the edge the other.
     """
     if not now.varies_deg > VARIED_DEG:
-        return []
+        mirrored = _tried(recording, found, hand_eye, mirrored_profiles(), most("obliquity_deg"))
+        return [one.name for one, there in mirrored if _nearly_constant(there, now)]
     readings = _consistent(recording, found, hand_eye, most("obliquity_deg"), twist_deg=most("twist_deg"))
     return [
         one.name
@@ -630,6 +658,17 @@ def _steadier(recording: Recording, found: Mapping[int, Chain], hand_eye: Float,
         and there.swing_deg < STEADIER * now.swing_deg
         and there.obliquity_deg < now.obliquity_deg + SQUARER_DEG
     ]
+
+
+def _nearly_constant(there: Consistency, now: Consistency) -> bool:
+    """Whether under a reading nearly nothing is left of what the laser plane turns against the edge."""
+    return (
+        now.varies_deg > LEAST_VARIES_DEG
+        and there.varies_deg < CONSTANT * now.varies_deg
+        and there.swing_deg < STEADIER * now.swing_deg
+        and there.twist_deg < now.twist_deg + SEEN_TWIST_DEG
+        and there.obliquity_deg < now.obliquity_deg + SQUARER_DEG
+    )
 
 
 def _turning(names: Sequence[str]) -> bool:

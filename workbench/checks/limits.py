@@ -118,7 +118,8 @@ LIMITS: dict[str, Limit] = {
     "obliquity_varies_deg": Limit(
         8.0,
         "how much that angle varies within a pass, to each side of its middle, or what is slow of it where that is "
-        "less; 3 where another reading leaves less than 0.4 of it, and of how much the edge turns against the plane",
+        "less; 3 where another reading leaves less than 0.4 of it, and of how much the edge turns against the plane; "
+        "0.5 where a mirrored axis of the profiles leaves less than 0.2",
         "scans of rings, saddles, swaying robots and through taught points vary by 1 to 3, of wavy edges by up to 6 "
         "under any reading; wrong orientations or axes along a curved edge by 5 to 40",
     ),

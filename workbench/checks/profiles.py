@@ -130,11 +130,14 @@ class Chain:
         return point
 
 
-def chains(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> dict[int, Chain]:
-    """A chain for each pass (N,) of a grid (N, M) that has three profiles or more with returns."""
+def chains(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int, least: int = FRAMES[0]) -> dict[int, Chain]:
+    """A chain for each pass (N,) of a grid (N, M) that has three profiles or more with returns.
+
+    least: profiles of a pass that are looked at, where it has them.
+    """
     found = {}
     for frames in by_pass(pass_index):
-        made = _chain(x_mm, z_mm, sampled(frames))
+        made = _chain(x_mm, z_mm, sampled(frames, least))
         if made is not None:
             found[int(pass_index[frames[0]])] = made
     return found
@@ -150,9 +153,9 @@ def mirrored_frames(x_mm: AnyArray, z_mm: AnyArray, chain: Chain) -> list[int]:
     return chain.frames[1:][other.good & ~chain.good].tolist() if other else []
 
 
-def sampled(frames: Int) -> Int:
+def sampled(frames: Int, least: int = FRAMES[0]) -> Int:
     """Every twelfth of `frames`, but some at least and not too many."""
-    count = int(np.clip(len(frames) // EVERY, *FRAMES))
+    count = int(np.clip(len(frames) // EVERY, least, FRAMES[1]))
     return some(frames, count)
 
 

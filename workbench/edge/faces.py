@@ -10,7 +10,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
-from workbench.checks.sensor import PACKED, column_pitch_mm, is_packed
+from workbench.checks.judge import returns_cause
+from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import averaged_columns
 from workbench.edge.identify import CONTEXT, Candidate, candidates, contradicted, readings_apart, vote, votes
 from workbench.edge.raw_direction import across_the_edge
@@ -102,7 +103,7 @@ def find_faces(
         )
     if not (seen & ~((end[:, 4] == tracking.CUT) & ~lower)).sum() > 1:
         out = "lower edge not in view: the root face runs out of the field of view, or behind something, in every frame"
-        raise InputError(cloud.source, PACKED if is_packed(cloud.x_mm, cloud.z_mm) else out)
+        raise InputError(cloud.source, returns_cause(cloud.x_mm, cloud.z_mm) or out)
     faces = {int(label): face_lines(sums[:, f], seen) for f, label in enumerate(LABELS)}
     lower &= seen & (faces[LOWER_SURFACE].count > 0)
     lies_on = lower & _turns_up(faces)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, UPPER_SURFACE, Check, Cloud, MilledEdge, Quantity, Unseen
+from workbench.checks.judge import TURNS_DEG
 from workbench.checks.residuals import UNSEEN_S
 from workbench.checks.window import PINNED
 from workbench.edge.broken_end import is_free_end
@@ -100,6 +101,7 @@ def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge, *, is_sharp
                 section.change(turns, root),
             )
         )
+    found += _by_frame_order(cloud, edge)
     scales = [np.diag([1.0 + SCALE, 1.0, 1.0]), np.diag([1.0, 1.0, 1.0 + SCALE])]
     return (
         *found,
@@ -242,6 +244,24 @@ class _Section:
             "root_mm": max(root_mm * abs(float(np.median(one / length - 1.0))) for one, _ in after),
             "bevel_deg": max(abs(float(np.median(one - angle))) / DEG for _, one in after),
         }
+
+
+def _by_frame_order(cloud: Cloud, edge: MilledEdge) -> list[Unseen]:
+    """That the frames of one pass came in the order of its poses, where values differ by more than U from either end.
+
+    A plate that passes does so in either order, so that no verdict rests on it: values lie in another place.
+    """
+    turned = next((one.value for one in cloud.checks if one.name == "flange_turn_deg"), None)
+    if turned is None or turned >= TURNS_DEG or np.unique(cloud.pass_index).size > 1:
+        return []
+    apart = {one.name: np.nanmax(np.abs(one.value - one.value[::-1]), initial=0.0) for one in (edge.root, edge.bevel)}
+    if all(apart[one.name] <= 2.0 * np.nanmedian(one.u) for one in (edge.root, edge.bevel)):
+        return []
+    sentence = f"That the frames came in the order of the poses: the flange rotates by {turned:.1f}° only, and in "
+    sentence += (
+        f"reverse order values would lie in the mirrored place along the edge (root face {apart['root_mm']:.2g} "
+    )
+    return [Unseen("frame_order", f"{sentence}mm, bevel angle {apart['bevel_deg']:.2g}°).")]
 
 
 def _by_clock(cloud: Cloud, edge: MilledEdge) -> dict[str, float]:

@@ -12,6 +12,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UNLABELLED, UPPER_SURFACE
+from workbench.pieces import BLUE, GREEN, INK, ORANGE, PURPLE
 from workbench.units import AnyArray, Float
 
 DOTS_PX = 200.0 / 72.0  # pixels a point, of dots drawn as a picture
@@ -22,18 +23,18 @@ HEAD = (3.2, 1.3)  # of an arrow: length and half its width
 
 Colour: TypeAlias = str | Sequence[float] | AnyArray
 
-INK, GREY, PALE, AIR = "#1b1f24", "#6b7280", "#c9ced6", "#98a1ad"
-MEASURED, TOLERANCE, LIMIT, REJECTED = "#0072b2", "#d9efe6", "#00664b", "#8c0f5b"
+AIR = "#98a1ad"
+MEASURED, TOLERANCE, LIMIT, REJECTED = BLUE, "#d9efe6", "#00664b", PURPLE
 
 FACES = {
-    ROOT_FACE: "#d55e00",
-    BEVEL_FACE: "#0072b2",
+    ROOT_FACE: ORANGE,
+    BEVEL_FACE: BLUE,
     UPPER_SURFACE: "#8fa3ad",
     LOWER_SURFACE: "#b79f6a",
     UNLABELLED: "#d5d9de",
 }
-LOWER_EDGE, UPPER_EDGE = "#0072b2", "#d55e00"
-TOOL_AXES = ("#d55e00", "#009e73", "#0072b2")  # x, y, z of a key point
+LOWER_EDGE, UPPER_EDGE = BLUE, ORANGE
+TOOL_AXES = (ORANGE, GREEN, BLUE)  # x, y, z of a key point
 # viridis up to 0.86: it keeps its order with any colour vision, and in grey.
 ANCHORS = ("#440154", "#482677", "#3f4889", "#32658e", "#27808e", "#1f998a", "#2eb37c", "#5ec962", "#a2da37")
 DIVERGING = ("#063a6b", "#2f7fbf", "#a5cbe6", "#ececec", "#f5b195", "#cc463c", "#6b0a1e")  # below 0 blue, above red

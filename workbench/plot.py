@@ -16,9 +16,6 @@ import numpy as np
 
 from workbench.marks import (
     ANCHORS,
-    GREY,
-    INK,
-    PALE,
     PLAIN,
     UPRIGHT,
     Colour,
@@ -37,6 +34,7 @@ from workbench.marks import (
     text_element,
     text_width,
 )
+from workbench.pieces import GREY, INK, PALE
 from workbench.units import AnyArray, Float
 
 FONT = "DejaVu Sans, Verdana, Arial, sans-serif"

@@ -109,6 +109,7 @@ BEVEL_TERMS = {  # of ISO 9692-1
     "root_mm": ("Root face", "c"),
     "bevel_deg": ("Bevel angle", "β"),
 }
+ROOT_AND_BEVEL = "root_mm", "bevel_deg"  # what the cutter sets
 
 
 def named(size: str, what: str) -> str:
@@ -333,7 +334,7 @@ class Section:
     @property
     def root_and_bevel(self) -> tuple[float, float] | None:
         """Root face, mm, and bevel angle, degrees, of a milled bevel; None: not measured."""
-        root, bevel = (self.values.get(name) for name in BEVEL_TERMS)
+        root, bevel = (self.values.get(name) for name in ROOT_AND_BEVEL)
         return None if root is None or bevel is None else (root, bevel)
 
     @property

@@ -23,12 +23,12 @@ import numpy as np
 
 from workbench.artefacts.evidence import Part, Verdict
 from workbench.errors import PipelineError
+from workbench.pieces import BLUE, GREEN, ORANGE
 from workbench.units import AnyArray, Float, Shaped
 
 LONGEST, MOST_KEYS = 60, 4  # characters of a value, keys of a mapping
 SCENE_PX, MOST_POINTS = [960, 600], 200_000
 CHART_INCHES = (8.0, 3.2)
-BLUE = "#0072b2"
 CELL = "style='text-align:left'"
 T = TypeVar("T", bound=type)
 
@@ -139,7 +139,7 @@ def space_scene(*lines: tuple[str, Float], points_mm: Float | None = None) -> An
     if points_mm is not None:
         some = points_mm[:: max(1, len(points_mm) // MOST_POINTS)]
         scene.add_points(some, scalars=some[:, 2], scalar_bar_args={"title": "z, mm"}, point_size=3.0)
-    for (label, way), colour in zip(lines, itertools.cycle((BLUE, "#d55e00", "#009e73")), strict=False):
+    for (label, way), colour in zip(lines, itertools.cycle((BLUE, ORANGE, GREEN)), strict=False):
         known = way[np.isfinite(way).all(axis=1)]
         if len(known) > 1:
             scene.add_mesh(pv.lines_from_points(known), color=colour, line_width=3, label=label)

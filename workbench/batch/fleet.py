@@ -20,7 +20,8 @@ from workbench.batch.control import LEAST, RULES, Capability, ControlChart, capa
 from workbench.batch.part import OUTCOMES, Record
 from workbench.errors import one_line
 from workbench.extras import Extra
-from workbench.marks import GREY, INK, LIMIT, MEASURED, REJECTED, TOLERANCE
+from workbench.marks import LIMIT, MEASURED, REJECTED, TOLERANCE
+from workbench.pieces import BLUE, GREEN, GREY, INK, ORANGE, SKY
 from workbench.plot import Axes, Figure
 from workbench.units import COVERAGE, Float, Int, Shaped
 
@@ -245,7 +246,7 @@ def _limits(size: str, wanted: tuple[float, tuple[float, float]]) -> str:
 COLUMNS = 3  # of small charts side by side
 WIDE_IN, CELL_IN = 10.4, 2.6  # of a figure; height of a small chart
 WITH_DOTS = 60  # parts up to which each value has a dot
-COLOURS = (MEASURED, "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # of the characteristics, in turn
+COLOURS = (BLUE, ORANGE, GREEN, "#cc79a7", "#e69f00", SKY)  # of the characteristics, in turn
 
 
 def control_charts(what: Characteristic, charts: Sequence[ControlChart]) -> bytes:

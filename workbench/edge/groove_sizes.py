@@ -15,9 +15,9 @@ from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.fillet import FORM_U_MM
 from workbench.edge.groove_plates import SHOWS, UNSEEN, Plate
 from workbench.edge.groove_profile import BELOW_MM
+from workbench.edge.groove_root_end import RootView, beyond
 from workbench.edge.joint_lines import LEAST_FRAMES, Along, JointLines, Place, Values, corners, hidden, typical
 from workbench.edge.residual_image import forms
-from workbench.edge.root_end import RootView, beyond
 from workbench.edge.steps import LEAST_SHARE, own_places, readings
 from workbench.geometry.along import in_order
 from workbench.geometry.course import fit_course

@@ -20,6 +20,7 @@ from workbench.edge.extrapolated import name_extrapolated
 from workbench.edge.groove_frames import ReadFrames, axes, groove_curve, read_frames
 from workbench.edge.groove_plates import plates
 from workbench.edge.groove_profile import Kind
+from workbench.edge.groove_root_end import BLUNTED
 from workbench.edge.groove_sizes import GrooveSizes
 from workbench.edge.joint_lines import LEAST_FRAMES, Along, typical
 from workbench.edge.parameters import (
@@ -30,7 +31,6 @@ from workbench.edge.parameters import (
     RobotNoiseOrUsual,
     usual_noise_mm,
 )
-from workbench.edge.root_end import BLUNTED
 from workbench.edge.segment_stage import laser_plane_u
 from workbench.edge.unseen import by_window, fixed_end_check
 from workbench.errors import InputError

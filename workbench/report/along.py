@@ -18,7 +18,8 @@ import numpy as np
 from workbench.artefacts import UNLABELLED, Characteristic, Cloud, Edge, Inspection, JointInspection, Quantity, Section
 from workbench.geometry.moves import interpolated
 from workbench.geometry.splines import hermite
-from workbench.marks import FACES, GREY, INK, LIMIT, MEASURED, PALE, REJECTED, TOLERANCE, VERDICTS, Lettering
+from workbench.marks import FACES, LIMIT, MEASURED, REJECTED, TOLERANCE, VERDICTS, Lettering
+from workbench.pieces import GREY, INK, PALE
 from workbench.plot import Axes, Figure
 from workbench.report.scene import Points, frame_arc_length_mm, overview, rejected
 from workbench.report.text import alike

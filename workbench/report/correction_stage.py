@@ -10,8 +10,8 @@ import numpy as np
 from workbench.artefacts import Chapter, Characteristic, Inspection, PathCorrection
 from workbench.artefacts.paths import CANCELS, NOT_INCLUDED
 from workbench.errors import one_line
-from workbench.marks import INK, LIMIT
-from workbench.pieces import minus
+from workbench.marks import LIMIT
+from workbench.pieces import INK, minus
 from workbench.report.along import deviation_chart, draw_course, gaps, hatch_hidden, stacked
 from workbench.report.tables import check_texts
 from workbench.report.text import data_address, render, signed, span

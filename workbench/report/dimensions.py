@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from workbench.marks import GREY, INK
+from workbench.pieces import GREY, INK
 from workbench.plot import Axes
 from workbench.units import DEG, Float
 

@@ -20,7 +20,8 @@ from workbench.artefacts import (
 )
 from workbench.artefacts.edges import ALL_TERMS, Joint, RecognisedInspection
 from workbench.errors import one_line
-from workbench.marks import INK, MEASURED
+from workbench.marks import MEASURED
+from workbench.pieces import INK
 from workbench.plot import Axes, Figure
 from workbench.report.along import size_chart
 from workbench.report.dimensions import ACROSS, TEXT_SIZE, dimension, dimension_angle

@@ -6,7 +6,8 @@ import numpy as np
 
 from workbench.artefacts import Cloud, Edge, Engagement, RawEdge, Toolpath
 from workbench.geometry import moves
-from workbench.marks import GREY, INK, LIMIT, LOWER_EDGE, MEASURED, UPPER_EDGE, Lettering
+from workbench.marks import LIMIT, LOWER_EDGE, MEASURED, UPPER_EDGE, Lettering
+from workbench.pieces import GREY, INK
 from workbench.plot import Figure
 from workbench.report.along import hatch_hidden, hidden_stretches, label_level
 from workbench.report.planned import layer_ink

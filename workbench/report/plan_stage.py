@@ -9,7 +9,8 @@ from pydantic import Field
 
 from workbench.artefacts import Chapter, Cloud, Edge, Engagement, Gate, Layer, Moves, RawEdge, Toolpath
 from workbench.errors import InputError, one_line
-from workbench.marks import FACES, GREY, INK, LOWER_EDGE, TOOL_AXES, UPPER_EDGE, Lettering
+from workbench.marks import FACES, LOWER_EDGE, TOOL_AXES, UPPER_EDGE, Lettering
+from workbench.pieces import GREY, INK
 from workbench.plot import Axes, Figure
 from workbench.report.along import axes_at, developed
 from workbench.report.dimensions import dimension, dimension_angle, dimension_radius

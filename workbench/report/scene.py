@@ -18,7 +18,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from workbench.artefacts import ROOT_FACE, UNLABELLED, Cloud, Edge, Mark, Scene, Section
 from workbench.geometry.splat import Camera, draw_cloud
-from workbench.marks import INK, rgb
+from workbench.marks import rgb
+from workbench.pieces import INK
 from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
 ROOM_ABOVE = 0.03  # of a picture's width, for the numbers of the planes

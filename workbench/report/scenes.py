@@ -27,7 +27,8 @@ from workbench.artefacts import (
     u_name,
 )
 from workbench.artefacts.edges import BEVEL_TERMS
-from workbench.marks import GREY, INK, LOWER_EDGE, SIGNS, TOOL_AXES, UPPER_EDGE, VERDICTS, code, face_shades, ramp, rgb
+from workbench.marks import LOWER_EDGE, SIGNS, TOOL_AXES, UPPER_EDGE, VERDICTS, code, face_shades, ramp, rgb
+from workbench.pieces import GREY, INK
 from workbench.report.along import developed
 from workbench.report.planned import (
     Compared,

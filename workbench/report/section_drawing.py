@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, Edge, Inspection, JointInspection, Section
-from workbench.marks import FACES, GREY, INK, SIGNS, VERDICTS, Lettering
+from workbench.marks import FACES, SIGNS, VERDICTS, Lettering
+from workbench.pieces import GREY, INK
 from workbench.plot import Axes, Figure
 from workbench.report.along import in_section
 from workbench.report.dimensions import dimension, dimension_angle

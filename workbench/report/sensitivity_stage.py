@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Chapter, Document, Edge, RawEdge, Toolpath, u_name
-from workbench.artefacts.edges import BEVEL_TERMS, Deviations
+from workbench.artefacts.edges import ROOT_AND_BEVEL, Deviations
 from workbench.errors import InputError
 from workbench.report.text import render
 from workbench.result_files import InspectionFile, RobotFile, ToolFile, TurntableFile, result_file
@@ -334,11 +334,11 @@ def _inspected(path: Path | None, edge: Edge, mm: float | None, deg: float | Non
         rows = [
             row
             for row in InspectionFile.read(path).sections
-            if all(getattr(row, u_name(name)) is not None for name in BEVEL_TERMS)
+            if all(getattr(row, u_name(name)) is not None for name in ROOT_AND_BEVEL)
         ]
         if not rows:
             raise InputError(f"{path}: $.sections", "expected one that was measured")
-        root, bevel = (np.array([getattr(row, name) for row in rows]) for name in map(u_name, BEVEL_TERMS))
+        root, bevel = (np.array([getattr(row, name) for row in rows]) for name in map(u_name, ROOT_AND_BEVEL))
         return "an inspection", float(np.sqrt(np.mean(root**2))), float(np.sqrt(np.mean(bevel**2)))
     said = "given" if mm is not None and deg is not None else "inspections of such scans"
     two_mm, two_deg = 0.0, 0.0

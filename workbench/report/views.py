@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import ROOT_FACE, Cloud, Edge, Inspection, RawEdge, Scene, Shading, Strokes, Toolpath
-from workbench.marks import FACES, INK, LOWER_EDGE, PALE, UPPER_EDGE, rgb
+from workbench.marks import FACES, LOWER_EDGE, UPPER_EDGE, rgb
+from workbench.pieces import INK, PALE
 from workbench.report.planned import Run, feed_colours, layer_colours, middle_of_cut_mm
 from workbench.report.scene import Points, View, around, overview, root_ends
 from workbench.report.scenes import (

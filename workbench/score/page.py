@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from workbench.marks import GREY, INK, TOLERANCE, Lettering
-from workbench.pieces import table_html
+from workbench.marks import TOLERANCE, Lettering
+from workbench.pieces import BLUE, GREEN, GREY, INK, ORANGE, SKY, table_html
 from workbench.plot import Figure
 from workbench.report.html_stage import policy
 from workbench.report.text import source
@@ -17,7 +17,7 @@ from workbench.score.judge import points
 
 HONEST = (93.0, 97.0)  # % within U = 2 u: what k = 2 says, give or take 2
 DECADES = (0.001, 0.01, 0.1, 1.0, 10.0)  # of U over the tolerance
-INKS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", INK)
+INKS = (BLUE, ORANGE, GREEN, "#cc79a7", "#e69f00", SKY, INK)
 COLUMNS = {
     "score": ("score", 1.0, 4),
     "values": ("values", 1.0, 0),

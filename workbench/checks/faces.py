@@ -164,7 +164,7 @@ def judge_faces(
     ledge += "a nose (inspect_preparation.json)?"
     return (
         check("found_share", share, finding, given=given),
-        *straight_checks(shape, turns, "a dome, a bar, a cable or a rounded groove", given),
+        *straight_checks(shape, turns, "a dome, a bar, a cable, a rounded groove, a hollow face", given),
         goes_on,
         further,
         check("corner_stands_out_mm", out, ledge, given=given),

@@ -56,6 +56,7 @@ AXIS_MM = (2.0, 100_000.0)  # way of a linear axis: less is no scan
 FEW_POSES = 12  # of a pass: with fewer the way between them is straight, whatever their noise
 CHORD_DEG = 10.0  # by which chords of the edge's way may stand further off square
 SMALL_DEG = 12.0  # obliquity of a scan as it is usually made
+SCANNED_SO_DEG = 35.0  # scans stand off square by no more on purpose
 OBLIQUE_DEG = 10.0  # from here on a small twist is looked into
 SURE_TWIST_DEG = 1.2  # by more no plate happens to be twisted as a known mistake would show it
 SWAYING_DEG_S, LEAST_S = 2.0, 1e-3  # of the turning's rate; with less 5 ms turn the section by 0.01 deg
@@ -495,6 +496,8 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     suspected = steadier = _steadier(recording, found, hand_eye, now)
     unwaved = max(now.unsteady_deg - now.waved_deg, 0.0)
     plane, about = "the laser plane is {:.0f} deg off square", "the section would rotate by {:.2f} deg about the edge"
+    if most("obliquity_deg") < now.obliquity_deg < SCANNED_SO_DEG:
+        plane += " (if it was scanned so, turn it nearer to square)"
     steady = VARIED_DEG if now.varies_deg > VARIED_DEG else LEAST_VARIES_DEG
     varied = "the angle between laser plane and edge would vary by {:.1f} deg to each side"
     judged = [

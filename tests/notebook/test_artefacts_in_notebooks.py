@@ -108,10 +108,10 @@ def test_nothing_public_shows_an_address(made):
     cell = workbench.robot.cell(cell=ROOT / "data" / "robot" / "cell.json")
     screen = workbench.robot.CollisionScreen(cell)
     truth = workbench.synthetic.read_truth(PART.with_suffix(".truth.json"))
-    seen = workbench.look.command.seen(PART)
+    content = workbench.look.command.content_of(PART)
     reading = workbench.checks.known_conventions()[0]
     shown = (pipeline, pipeline.document, plan, *plan.steps, *(step.stage for step in plan.steps), cell, cell.chain)
-    for one in (*shown, screen, screen.model, truth, seen, reading, *made[1].faces.values()):
+    for one in (*shown, screen, screen.model, truth, content, reading, *made[1].faces.values()):
         assert repr(one).startswith(type(one).__name__ + "(")
         assert " at 0x" not in repr(one)
         assert len(repr(one)) < 1000

@@ -649,6 +649,8 @@ def _steadier(recording: Recording, found: Mapping[int, Chain], hand_eye: Float,
     An edge that waves turns against the laser plane by as much under any reading; along a curve, axes that are mirrored
     or swapped turn the plane one way and the edge the other.
     """
+    if not now.varies_deg > LEAST_VARIES_DEG:
+        return []
     if not now.varies_deg > VARIED_DEG:
         mirrored = _tried(recording, found, hand_eye, mirrored_profiles(), most("obliquity_deg"))
         return [one.name for one, there in mirrored if _nearly_constant(there, now)]
@@ -666,8 +668,7 @@ def _steadier(recording: Recording, found: Mapping[int, Chain], hand_eye: Float,
 def _nearly_constant(there: Consistency, now: Consistency) -> bool:
     """Whether under a reading nearly nothing is left of what the laser plane turns against the edge."""
     return (
-        now.varies_deg > LEAST_VARIES_DEG
-        and there.varies_deg < CONSTANT * now.varies_deg
+        there.varies_deg < CONSTANT * now.varies_deg
         and there.swing_deg < STEADIER * now.swing_deg
         and there.twist_deg < now.twist_deg + SEEN_TWIST_DEG
         and there.obliquity_deg < now.obliquity_deg + SQUARER_DEG

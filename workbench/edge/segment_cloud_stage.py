@@ -30,7 +30,7 @@ from workbench.checks.sensor import step_mm
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.faces import find_faces, key_readings
 from workbench.edge.identify import WORST_SCORE, Candidate
-from workbench.edge.measure import measure_edge
+from workbench.edge.measure import UNDETERMINED, measure_edge
 from workbench.edge.parameters import (
     USUAL_NOISE_MM,
     BevelNominal,
@@ -275,7 +275,10 @@ def slice_cloud(points: PointSet, nominal: Nominal) -> tuple[Cloud, Traces]:
     coarse = _sliced(points, straight, view, step, COARSE_SLICES)
     found = find_faces(coarse, nominal.root_mm, nominal.bevel_deg)
     check_agreement(coarse, found.seen, step)
-    course = measure_edge(coarse, found).curve
+    try:
+        course = measure_edge(coarse, found).curve
+    except np.linalg.LinAlgError:
+        raise InputError(points.source, UNDETERMINED) from None
     near = _near(points.points_mm, course)
     step = spacing(points, coarse.placed(*np.nonzero(found.labels == ROOT_FACE)))
     cloud = _sliced(points, near, view, step, MOST_SLICES)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.errors import InputError
 from workbench.inspect import sections
-from workbench.scan import fuse
+from workbench.scan import fuse, read
 from workbench.synthetic import simulate_recording
 
 Scans = Callable[..., Any]
@@ -82,3 +83,16 @@ def test_passes_tell_together_which_face_is_the_root_face() -> None:
         assert one.values["root_mm"] is not None
         assert one.values["root_u_mm"] is not None
         assert abs(one.values["root_mm"] - 0.69) < 3 * one.values["root_u_mm"] < 0.06
+
+
+def test_a_pass_that_shows_no_order_of_its_frames_says_what_the_reverse_order_would_change() -> None:
+    """Read in reverse, it is accepted, and has the values of the mirrored places: no recording of it tells."""
+    recording = read(recording=Path("data/synthetic/milled_edge.h5"))
+    backwards = replace(recording, x_mm=recording.x_mm[::-1], z_mm=recording.z_mm[::-1], intensity=None)
+    one, other = (segment(denoise(fuse(each))) for each in (recording, backwards))
+    mirrored = other.root.value[::-1] - np.interp(other.arc_length_mm, one.arc_length_mm, one.root.value)
+    assert np.nanmax(np.abs(mirrored)) < 3.0 * float(np.nanmax(one.root.u))
+    change = np.nanmax(np.abs(other.root.value - np.interp(other.arc_length_mm, one.arc_length_mm, one.root.value)))
+    (stated,) = (unseen for unseen in one.unseen if unseen.name == "frame_order")
+    assert stated.costs["root_mm"] == pytest.approx(change, abs=3.0 * float(np.nanmax(one.root.u)))
+    assert stated.costs["root_mm"] > 2.0 * float(np.nanmedian(one.root.u))

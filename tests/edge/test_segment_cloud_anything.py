@@ -8,9 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.drawn.swept import random_swept_recipe
+from bench.simulators.swept import simulate_swept
 from workbench.artefacts import PointSet
+from workbench.cloud import denoise
 from workbench.edge import segment_cloud
 from workbench.errors import InputError
+from workbench.scan import fuse
 from workbench.units import Float
 
 COUNTS = (0, 100, 200, 500)
@@ -59,6 +63,14 @@ def test_any_cloud_gives_an_edge_or_one_line(seed: int):
             refusal = one_line_or_edge(PointSet(points, f"{name}.ply"), **options)
             assert refusal or "edge" in name or name in ("far off", "cube"), f"{name}: an edge, where there is none"
             assert not refusal or (refusal.startswith(f"{name}.ply: ") and "\n" not in refusal), refusal
+
+
+def test_a_ring_whose_slices_determine_no_course_gets_one_line() -> None:
+    """It ended in numpy's LinAlgError."""
+    recording, _ = simulate_swept(random_swept_recipe("swept_ring", 17_660_005))
+    cloud = denoise(fuse(recording))
+    ring = PointSet(cloud.placed(*np.nonzero(cloud.keep)), "ring.ply")
+    assert one_line_or_edge(ring, root_nominal_mm=2.0).startswith("ring.ply: ")
 
 
 def one_line_or_edge(points: PointSet, **options: Any) -> str:

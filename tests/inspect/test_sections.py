@@ -194,7 +194,10 @@ def test_what_is_not_included_is_what_may_cost_more_than_u(edge: Maker) -> None:
 
 @pytest.mark.parametrize(
     ("unseen", "tolerance", "holds"),
-    [(LOST, 0.5, False), (LOST, 0.08, False), (LOST, 0.077, True), (STOP, 0.5, True), (LAYER, 0.02, False)],
+    [
+        *((LOST, 0.5, False), (LOST, 0.08, False), (LOST, 0.077, True), (STOP, 0.5, True), (LAYER, 0.02, False)),
+        (replace(LOST, exchanges=True), 0.077, False),
+    ],
 )
 def test_a_pass_rests_on_what_could_carry_it_out_of_its_limits(
     edge: Maker, unseen: Unseen, tolerance: float, holds: bool

@@ -41,6 +41,7 @@ class Unseen:
     sentence: str
     costs: Mapping[str, float] = field(default_factory=dict)  # by size, in its unit; empty: not known
     is_doubt: bool = False  # of what was measured at all: the verdict rests on it whatever it costs
+    exchanges: bool = False  # values between places: the verdict of the part is the same either way
 
     @property
     def told(self) -> str:

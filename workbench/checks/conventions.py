@@ -74,8 +74,9 @@ def known_profile_readings() -> tuple[ProfileReading, ...]:
 def mirrored_profiles() -> tuple[Convention, ...]:
     """Those of them that mirror one axis, as hand-eye poses: no pose of a body has them, but points go with them."""
     return tuple(
-        Convention(f"the sign of {name} of the profiles is wrong", hand_eye=_mirrored(axis))
-        for axis, name in ((2, "z"), (0, "x"))
+        Convention(one.name, hand_eye=_mirrored(one.signs))
+        for one in known_profile_readings()
+        if not one.swapped and sum(one.signs) == 0
     )
 
 
@@ -140,9 +141,9 @@ def _negated(axis: int) -> Quaternions:
     return lambda q: np.asarray(q * np.where(np.arange(4) == axis, -1.0, 1.0))
 
 
-def _mirrored(axis: int) -> HandEyes:
-    """The hand-eye pose of profiles whose axis, mirrored, makes them what they are read as."""
-    return lambda pose: pose @ np.diag(np.where(np.arange(4) == axis, -1.0, 1.0))
+def _mirrored(signs: tuple[int, int]) -> HandEyes:
+    """The hand-eye pose with which profiles lie where those of other signs of x and z would."""
+    return lambda pose: pose @ np.diag([signs[0], 1.0, signs[1], 1.0])
 
 
 def _transposed(pose: Float) -> Float:

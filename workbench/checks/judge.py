@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -70,11 +70,11 @@ VARIES_DEG = 0.05  # by which the obliquity may vary more under a better reading
 # From here on it is looked into why the obliquity varies: wavy edges vary by 1 to 6 under any reading, a path through
 # points that were taught to 0.3 mm and 33 mm apart by up to 2.7.
 VARIED_DEG = 3.0
-CLOSELY = 100  # profiles of a pass that are looked at where it varies by more
-# Of 100 sound scans no reading leaves so little of twist, variation and swing together; mirrored profiles leave 0.38 of
-# the variation and most of the swing.
-LEAST_VARIES_DEG, LESS_SWING, CONSTANT = 0.5, 0.6, 0.2
 STEADIER = 0.4  # share of that, and of its swing, which a better reading leaves: of sound scans chance leaves 0.64
+CLOSELY = 100  # profiles of a pass that are looked at where it varies by more
+# Where it varies by less, but more than LEAST_VARIES_DEG: the share of the swing that a reading may leave which also
+# leaves STEADIER of variation and twist; of the variation that mirrored profiles may. Of 1,196 scans none does so.
+LEAST_VARIES_DEG, LESS_SWING, CONSTANT = 0.5, 0.6, 0.2
 COARSE_MM = 0.02  # steps of ranges that bend faces, where another check fails
 COARSE, NARROWEST_MM = 25.0, 0.5  # a view narrower than usual that is scanned in steps of fewer columns is a true one
 UNKNOWN = ": are orientations, axes or the hand-eye pose wrong?"
@@ -520,7 +520,12 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     if now.twist_deg > CONVENTION_TWIST_DEG + now.waved_deg or not only:
         readings = _consistent(recording, found, hand_eye, most("obliquity_deg"), turning=only)
         others = [(one.name, c) for one, c in readings if one is not AS_READ]
-        agree = [name for name, c in others if _agrees_better(c, now)]
+        turns = now.varies_deg > LEAST_VARIES_DEG
+        agree = [
+            name
+            for name, c in others
+            if turns and c.twist_deg < STEADIER * now.twist_deg and _turns_less(c, now, STEADIER, LESS_SWING)
+        ]
         explained = [name for name, c in others if _explains(c, now)] if unexplained or not only else []
         suspected = list(dict.fromkeys([*steadier, *agree, *explained]))
         unexplained |= bool(agree)
@@ -606,13 +611,11 @@ def _explains(there: Consistency, now: Consistency) -> bool:
     return better and there.twist_deg < left
 
 
-def _agrees_better(there: Consistency, now: Consistency) -> bool:
-    """Whether under a reading section and laser plane keep their angles to the edge, as they do not as read."""
+def _turns_less(there: Consistency, now: Consistency, varies: float, swing: float) -> bool:
+    """Whether a reading leaves less than these shares of what the laser plane turns against the edge."""
     return (
-        now.varies_deg > LEAST_VARIES_DEG
-        and there.twist_deg < STEADIER * now.twist_deg
-        and there.varies_deg < STEADIER * now.varies_deg
-        and there.swing_deg < LESS_SWING * now.swing_deg
+        there.varies_deg < varies * now.varies_deg
+        and there.swing_deg < swing * now.swing_deg
         and there.obliquity_deg < now.obliquity_deg + SQUARER_DEG
     )
 
@@ -649,30 +652,13 @@ def _steadier(recording: Recording, found: Mapping[int, Chain], hand_eye: Float,
     An edge that waves turns against the laser plane by as much under any reading; along a curve, axes that are mirrored
     or swapped turn the plane one way and the edge the other.
     """
-    if not now.varies_deg > LEAST_VARIES_DEG:
-        return []
-    if not now.varies_deg > VARIED_DEG:
-        mirrored = _tried(recording, found, hand_eye, mirrored_profiles(), most("obliquity_deg"))
-        return [one.name for one, there in mirrored if _nearly_constant(there, now)]
-    readings = _consistent(recording, found, hand_eye, most("obliquity_deg"), twist_deg=most("twist_deg"))
-    return [
-        one.name
-        for one, there in readings
-        if one is not AS_READ
-        and there.varies_deg < STEADIER * now.varies_deg
-        and there.swing_deg < STEADIER * now.swing_deg
-        and there.obliquity_deg < now.obliquity_deg + SQUARER_DEG
-    ]
-
-
-def _nearly_constant(there: Consistency, now: Consistency) -> bool:
-    """Whether under a reading nearly nothing is left of what the laser plane turns against the edge."""
-    return (
-        there.varies_deg < CONSTANT * now.varies_deg
-        and there.swing_deg < STEADIER * now.swing_deg
-        and there.twist_deg < now.twist_deg + SEEN_TWIST_DEG
-        and there.obliquity_deg < now.obliquity_deg + SQUARER_DEG
-    )
+    readings: Iterable[tuple[Convention, Consistency]] = ()
+    share, most_deg = STEADIER, most("obliquity_deg")
+    if now.varies_deg > VARIED_DEG:
+        readings = _consistent(recording, found, hand_eye, most_deg, twist_deg=most("twist_deg"))
+    elif now.varies_deg > LEAST_VARIES_DEG:
+        share, readings = CONSTANT, _tried(recording, found, hand_eye, mirrored_profiles(), most_deg)
+    return [one.name for one, there in readings if one is not AS_READ and _turns_less(there, now, share, STEADIER)]
 
 
 def _turning(names: Sequence[str]) -> bool:

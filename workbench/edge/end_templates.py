@@ -353,9 +353,9 @@ def _depths(known: Float, phase: Int, place: Float, pixels: Float, lean: float, 
                             count += 1.0
                         elif radius > 0.0 and on > 0.0:
                             turn = min(on / radius * cosine + sine, 1.0)
-                            beside = math.sqrt(1.0 - turn * turn)  # cosine of the incidence
-                            light = beside / cosine if by_light > 0.0 else 1.0
-                            total += light * radius * (1.0 - beside * cosine - turn * sine)
+                            facing = math.sqrt(1.0 - turn * turn)  # cosine of the incidence
+                            light = facing / cosine if by_light > 0.0 else 1.0
+                            total += light * radius * (1.0 - facing * cosine - turn * sine)
                             count += light
                         else:
                             total += falls * on

@@ -16,7 +16,7 @@ from workbench.edge.faces import TrackedFaces
 from workbench.geometry.grids import columns_beyond, dark_beyond
 from workbench.geometry.poses import in_planes, rotation_from_vector
 from workbench.geometry.silhouette import MISSES
-from workbench.units import DEG, AnyArray, Bool, Float, Int, Shaped
+from workbench.units import COVERAGE, DEG, AnyArray, Bool, Float, Int, Shaped
 
 TURN_DEG = 1.0  # of a hand-eye pose by design, or measured by hand
 SCALE = 1e-3  # of x against z; data sheets of laser profilers tell a few parts in a thousand of the range
@@ -254,14 +254,13 @@ def _by_frame_order(cloud: Cloud, edge: MilledEdge) -> list[Unseen]:
     turned = next((one.value for one in cloud.checks if one.name == "flange_turn_deg"), None)
     if turned is None or turned >= TURNS_DEG or np.unique(cloud.pass_index).size > 1:
         return []
-    apart = {one.name: np.nanmax(np.abs(one.value - one.value[::-1]), initial=0.0) for one in (edge.root, edge.bevel)}
-    if all(apart[one.name] <= 2.0 * np.nanmedian(one.u) for one in (edge.root, edge.bevel)):
+    sizes = edge.root, edge.bevel
+    apart = {one.name: float(np.nanmax(np.abs(one.value - one.value[::-1]), initial=0.0)) for one in sizes}
+    if all(apart[one.name] <= COVERAGE * np.nanmedian(one.u) for one in sizes):
         return []
     sentence = f"That the frames came in the order of the poses: the flange rotates by {turned:.1f}° only, and in "
-    sentence += (
-        f"reverse order values would lie in the mirrored place along the edge (root face {apart['root_mm']:.2g} "
-    )
-    return [Unseen("frame_order", f"{sentence}mm, bevel angle {apart['bevel_deg']:.2g}°).")]
+    sentence += "reverse order values would lie in the mirrored place along the edge."
+    return [Unseen("frame_order", sentence, apart, exchanges=True)]
 
 
 def _by_clock(cloud: Cloud, edge: MilledEdge) -> dict[str, float]:

@@ -117,4 +117,4 @@ def conditions(
             for sign in (-1.0, 1.0)
         )
 
-    return tuple(one for one in unseen if required and rests(one))
+    return tuple(one for one in unseen if required and not one.exchanges and rests(one))

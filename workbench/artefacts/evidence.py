@@ -25,8 +25,8 @@ UNSEEN = (
 )  # what no recording of a straight edge shows
 
 
-COSTS = {"root_mm": ("root face", "mm"), "bevel_deg": ("bevel angle", "°")}
-COSTS |= {"gap_mm": ("gap", "mm"), "depth_mm": ("depth", "mm")}
+COSTS = {"root_mm": ("root face", " mm"), "bevel_deg": ("bevel angle", "°")}
+COSTS |= {"gap_mm": ("gap", " mm"), "depth_mm": ("depth", " mm")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class Unseen:
     @property
     def told(self) -> str:
         """The sentence with its sizes."""
-        costs = ", ".join(f"{COSTS[name][0]} {cost:.2g} {COSTS[name][1]}" for name, cost in self.costs.items() if cost)
+        costs = ", ".join(f"{COSTS[name][0]} {cost:.2g}{COSTS[name][1]}" for name, cost in self.costs.items() if cost)
         return f"{self.sentence.rstrip('.')} ({costs})." if costs else self.sentence
 
 

@@ -147,12 +147,13 @@ class EndView(NamedTuple):
         Columns that one sees; how many of the face give it enough light to return; 1: it returns the mean depth by the
         light of what it sees (Lambert's cosine law), 0: by its length.
         """
-        wide, fill, law = (a.ravel() for a in np.meshgrid(FOOTPRINTS[1:], self.fills[:, 0], [0.0, 1.0], indexing="ij"))
-        prior = np.multiply.outer(np.outer(self.footprints[1:], self.fills[:, 1]), [1.0 - LAMBERT, LAMBERT]).ravel()
-        kept = prior > SELDOM * prior.max()
-        every = np.concatenate([np.zeros((1, 3)), np.stack([wide, wide * fill, law], axis=1)[kept]])
-        shares = np.append(self.footprints[0], prior[kept])
-        return every, shares / shares.sum()
+        wide, fill = (a.ravel() for a in np.meshgrid(FOOTPRINTS[1:], self.fills[:, 0], indexing="ij"))
+        prior = np.outer(self.footprints[1:], self.fills[:, 1]).ravel()
+        kept = np.repeat(np.flatnonzero(prior > SELDOM * prior.max()), 2)  # each by its length, then by its light
+        law = np.arange(kept.size) % 2.0
+        every = np.stack([wide[kept], (wide * fill)[kept], law], axis=1)
+        shares = np.append(self.footprints[0], prior[kept] * np.where(law > 0.0, LAMBERT, 1.0 - LAMBERT))
+        return np.concatenate([np.zeros((1, 3)), every]), shares / shares.sum()
 
 
 def end_phases(moving: bool) -> Float:
@@ -229,7 +230,12 @@ def _looked(view: EndView, looks: list[Float]) -> _Looked:
     """looks (v,): size, turn, incidence and how far the lower surface returns, as `seen_end` has them."""
     prior = view.pixels[1]
     shape = looks[0].size, prior.size, len(view.phases)
-    of, pixel, phase = (np.ravel(one) for one in np.indices(shape))
+    every = np.indices(shape).reshape(3, -1)
+    by_length = view.pixels[0][every[1], 2] == 0.0
+    once = by_length | (looks[1][every[0]] == 0.0)  # a flat chamfer is as bright all over: both pixels see the same
+    at = np.cumsum(once) - 1
+    at[~once] = at[np.flatnonzero(~once) - shape[2]]
+    of, pixel, phase = every[:, once]
     size, turn, incidence, onward = (one[of] for one in looks)
     fall, shift, past = rendered_end(view, size, turn, incidence, pixel, phase, onward)
     seen = fall - shift * view.nearer
@@ -241,6 +247,7 @@ def _looked(view: EndView, looks: list[Float]) -> _Looked:
     score = np.logaddexp(math.log(1.0 - HOOKED) + score, math.log(HOOKED) + hooked)
     seen += (HOOKED * np.exp(hooked - score) * amount)[:, None] * hook
     score = np.logaddexp(math.log(1.0 - OFFSET) + score, math.log(OFFSET) + offset)
+    score, past, seen = score[at], past[at], seen[at]
     log = score.reshape(shape) + np.log(prior)[:, None]
     most = log.max(axis=(1, 2), keepdims=True)
     weight = np.exp(log - most)

@@ -12,6 +12,7 @@ import pytest
 from bench.drawn.swept import random_swept_recipe
 from bench.outside import Part, Usual, drawn_section, simulate
 from bench.score.measure import alone
+from bench.score.outsider import Sharp
 from bench.score.swept import milled_part, worn
 from bench.simulators.swept import simulate_swept
 from tests.edge.test_broken_end import measured
@@ -45,6 +46,15 @@ def test_the_angle_of_a_sensor_that_walks_lies_within_its_uncertainty() -> None:
         z.append(np.median((edge.bevel.value - part.section.bevel / DEG)[edge.seen] / edge.bevel.u[edge.seen]))
     assert np.mean(np.abs(z) < 2.0) >= 0.75
     assert np.abs(z).max() < 4.0
+
+
+def test_the_errors_of_wide_faces_columns_count_too() -> None:
+    """A bevel face of 250 columns under a narrow root face: alone, the root face disproves nothing."""
+    part = simulate(17700003, False, cell=Sharp())
+    edge = measured(part, edge_condition="sharp")
+    error = edge.bevel.value - part.section.bevel / DEG
+    assert np.nanmax(np.abs(error)) > 0.15
+    assert np.nanmax(np.abs(error / edge.bevel.u)) < 3.5
 
 
 def test_a_sensor_without_an_error_leaves_little_in_u() -> None:

@@ -27,7 +27,7 @@ from workbench.geometry.course import shares
 from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
 LEAST_RETURNS, MOSTLY, FAR = 6, 0.5, 4.0  # of a face in a frame; share of frames that show it; standard deviations
-PLACES, PARTS = 96, 6  # columns of a face at most; parts of a pass, in each of which it has a form of its own
+PLACES, PARTS = 96, 6  # of a face, columns side by side are one; parts of a pass, each with a form of its own
 LIKE_PRIOR = 1.5  # mean square of errors over their process's: real ones have 0.5 to 0.9, what a form undoes 4
 SMOOTH, MOVES = 15, 2  # frames that tell where a face ends; columns by which both ends move, or nothing is told
 FORM, BENT_MM = 3.0, 0.0005  # standard deviation of a place of a face, in those of its returns; of a frame's bow
@@ -106,10 +106,9 @@ def notes_of(errors: Mapping[int, ColumnErrors]) -> tuple[str, ...]:
 def column_errors(
     cloud: Cloud, labels: AnyArray, faces: Mapping[int, FaceLines], sensor: Linearity
 ) -> dict[int, ColumnErrors]:
-    """The errors of the columns beyond the `sensor`'s, for each narrow face that most frames show; labels (N, M).
+    """The errors of the columns beyond the `sensor`'s, for each face that most frames show; labels (N, M).
 
-    Errors depend on range and incidence: each face has its own, as strong and alike as those of the others. Wide faces
-    average them.
+    Errors depend on range and incidence: each face has its own, as strong and alike as those of the others.
     """
     few = [mine[evenly(mine.size, SAMPLE_FRAMES)] for mine in by_pass(cloud.pass_index)]
     frames = np.concatenate(few)
@@ -119,8 +118,9 @@ def column_errors(
         off = cloud.z_mm[frames] - face.z_at(frames, cloud.x_mm[frames])
         on = (labels[frames] == label) & cloud.keep[frames] & np.isfinite(off)
         count = on.sum(axis=1)
-        if (count >= LEAST_RETURNS).mean() > MOSTLY and np.median(count) <= PLACES:
-            equations[label] = _normal_equations(cloud.x_mm[frames], off, on, begins, sensor)
+        if (count >= LEAST_RETURNS).mean() > MOSTLY:
+            wide = math.ceil(float(np.median(count)) / PLACES)
+            equations[label] = _normal_equations(cloud.x_mm[frames], off, on, begins, sensor, wide)
     every = {label: _looks(one) for label, one in equations.items()}
     looks = {label: look for label, look in every.items() if look.size < LIKE_PRIOR}
     possible = (LENGTHS[:, None] < SMOOTH_COLUMNS) | (ERRORS_MM < SMOOTH_MM)
@@ -132,19 +132,32 @@ def column_errors(
     return {label: _mean(equations[label], look, share) for label, look in looks.items()}
 
 
+def _side_by_side(x: Float32, off: Float, on: Bool, wide: int) -> tuple[Float32, Float, Bool]:
+    """Means of so many columns side by side in frames (f, M), where most of them are on the face."""
+    if wide == 1:
+        return x, off, on
+    begins = np.arange(0, on.shape[1], wide)
+    count = np.add.reduceat(on, begins, axis=1, dtype=np.int64)
+    means = [np.add.reduceat(np.where(on, one, 0.0), begins, axis=1) / count.clip(1) for one in (x, off)]
+    return means[0], means[1], count > MOSTLY * wide
+
+
 class _NormalEquations(NamedTuple):
     """The errors at n nodes as the returns of a face determine them, whatever its form is."""
 
     node: Shaped[Int, " M"]  # of each column
+    wide: int  # columns of a node
     normal: Shaped[Float, "n n"]  # 1 / mm^2
     force: Shaped[Float, " n"]  # 1 / mm
 
 
-def _normal_equations(x: Float32, off: Float, on: Bool, begins: Int, sensor: Linearity) -> _NormalEquations:
+def _normal_equations(x: Float32, off: Float, on: Bool, begins: Int, sensor: Linearity, wide: int) -> _NormalEquations:
     """Of frames (f, M): returns `on` a face, `off` its line; each frame's line is free, and the form in each part.
 
-    begins: of the parts, and the number of frames.
+    begins: of the parts, and the number of frames. wide: as many columns are one here.
     """
+    every = on.shape[1]
+    x, off, on = _side_by_side(x, off, on, wide)
     on = on & (np.abs(off) < FAR * math.sqrt(float((off[on] ** 2).mean())) + LEAST_MM)
     on &= on.sum(axis=1, keepdims=True) >= LEAST_RETURNS
     variance = float((off[on] ** 2).mean()) + LEAST_MM**2
@@ -158,12 +171,14 @@ def _normal_equations(x: Float32, off: Float, on: Bool, begins: Int, sensor: Lin
     normal, force = np.zeros((nodes, nodes)), np.zeros(nodes)
     for begin, end in pairwise(begins):
         mine = on[begin:end]
-        # The form goes with either end of the face: single frames lose these.
+        # The form goes with either end of the face that is in view: single frames lose these.
         low, high = (median_filter(one[begin:end], SMOOTH, mode="nearest") for one in (first, last))
-        if end - begin < SMOOTH or min(np.ptp(low), np.ptp(high)) < MOVES:
+        in_view = [(1, low)] if low.any() else []
+        in_view += [(-1, high)] if (high < on.shape[1] - 1).any() else []
+        if end - begin < SMOOTH or min((np.ptp(one) for _, one in in_view), default=0) < MOVES:
             continue
         frame, column = np.nonzero(mine)
-        beyond = (column - low[frame], high[frame] - column)
+        beyond = [way * (column - one[frame]) for way, one in in_view]
         at = [node[column]]
         at += [nodes + k * PLACES + one.clip(0, PLACES - 1) for k, one in enumerate(beyond)]
         left = _residuals(off[begin:end], mine, at[1] - nodes)
@@ -178,7 +193,7 @@ def _normal_equations(x: Float32, off: Float, on: Bool, begins: Int, sensor: Lin
     middle_mm = pitch_mm * np.bincount(node, np.arange(node.size)) / np.bincount(node)
     noise = np.eye(nodes) + normal @ sensor.covariance(middle_mm[:, None] - middle_mm)
     normal, force = (np.asarray(np.linalg.solve(noise, one), np.float64) for one in (normal, force))
-    return _NormalEquations(node, normal, force)
+    return _NormalEquations(np.repeat(node, wide)[:every], wide, normal, force)
 
 
 def _normal(frame: Int, at: Sequence[Int], size: int, x: AnyArray, off: AnyArray, weight: float) -> tuple[Float, Float]:
@@ -239,8 +254,9 @@ class _Looks(NamedTuple):
 
 
 def _looks(equations: _NormalEquations) -> _Looks:
-    column = np.arange(len(equations.force))
-    alike = np.exp(-np.abs(column[:, None] - column) / LENGTHS[:, None, None])
+    node, within = np.arange(len(equations.force)), np.arange(equations.wide)
+    apart = equations.wide * node[:, None, None] + within[:, None] - within
+    alike = np.exp(-np.abs(apart) / LENGTHS[:, None, None, None]).mean(axis=(2, 3))[:, np.abs(node[:, None] - node)]
     root = np.linalg.cholesky(alike + NUGGET * np.eye(len(equations.force)))
     known, vector = np.linalg.eigh(root.swapaxes(1, 2) @ equations.normal @ root)
     known, basis = known.clip(0.0), root @ vector

@@ -32,6 +32,12 @@ def in_si(tests: Any, cell: Cell) -> Any:
     return dataclasses.replace(tests, moved=tests.moved * ([1e-3] * 3 + [np.pi / 180] * 3))
 
 
+def from_horizontal(tests: Any, cell: Cell) -> Any:
+    joints = tests.joints.copy()
+    joints[:, 2] -= joints[:, 1]
+    return dataclasses.replace(tests, joints=joints)
+
+
 MISTAKES: list[tuple[str, int, Change, str]] = [
     ("signs", 0, scaled("wrench", slice(None), -1), "opposite signs"),
     ("p3z reversed", 4, scaled("moved", 8, -1), "column p3z_mm is of the wrong sign"),
@@ -42,6 +48,9 @@ MISTAKES: list[tuple[str, int, Change, str]] = [
     ("displacements in m and rad", 0, in_si, "displacements are in m and rad"),
     ("wrench in base axes", 0, wrench_in_base, "wrench is in base axes"),
     ("angles in rad", 0, scaled("joints", slice(None), np.pi / 180), "joint angles are in rad"),
+    ("joint 3 reversed", 0, scaled("joints", 2, -1), "column q3_deg is of the wrong sign"),
+    ("joint 6 reversed", 4, scaled("joints", 5, -1), "column q6_deg is of the wrong sign"),
+    ("joint 3 from the horizontal", 0, from_horizontal, "q3_deg is counted from the horizontal"),
 ]
 SELDOM = dict.fromkeys(("ry in mrad", "all points in m"), pytest.mark.slow)  # as rad and torques
 

@@ -35,7 +35,7 @@ from workbench.plugins.stiffness.values import JointStiffness, LoadingTests
 MISFIT = 3.0  # ratio of the residuals' variance to the noise's that asks for a reason, and that a reason must mend
 EXPLAINED = 0.3  # share of the displacements' square that may be left over, for a reading that makes sense
 REVERSAL = ("", -1.0)  # unit and factor: an axis reversed
-LENGTHS = (("m", 1e3), ("micrometres", 1e-3))
+LENGTHS = (("m", 1e3), ("micrometres", 1e-3), ("inches", 25.4))
 PLAUSIBLE_NM_PER_RAD = (3e3, 3e7)  # geometric mean over the joints of an industrial robot, with room on both sides
 COARSE = 5.0  # standard deviations of the noise: rounded to 0.1 mm of 0.015, stiffness was up to 4.5 u off
 LEAST_DISTINCT = 10  # readings
@@ -105,6 +105,9 @@ def _readings(chain: Chain, tests: LoadingTests) -> Iterator[tuple[str, LoadingT
                 replace(tests, joints=joints),
             )
     yield "the joint angles are in rad, not deg", replace(tests, joints=np.degrees(tests.joints))
+    for what, joints in _other_zeros(tests.joints):
+        if np.isfinite(within_limits(chain, joints)).all():
+            yield what, replace(tests, joints=joints)
     rotation = forward_kinematics(chain, tests.joints)[:, :3, :3]
     yield (
         "the wrench is in base axes, not in the sensor's",
@@ -115,6 +118,17 @@ def _readings(chain: Chain, tests: LoadingTests) -> Iterator[tuple[str, LoadingT
         replace(tests, moved=_rotated(tests.moved, rotation)),
     )
     yield from _units(tests)
+
+
+def _other_zeros(joints: Float) -> Iterator[tuple[str, Float]]:
+    """What is taken for angles (L, 6) of the robot model, in words, and these."""
+    for j in range(joints.shape[1]):
+        turned = joints * np.where(np.arange(joints.shape[1]) == j, -1.0, 1.0)
+        yield f"column q{j + 1}_deg is of the wrong sign: does the controller count that joint the other way?", turned
+    for sign in (1.0, -1.0):
+        level = joints.copy()
+        level[:, 2] += sign * joints[:, 1]
+        yield "column q3_deg is counted from the horizontal (FANUC), not from link 2", level
 
 
 def _rotated(values: Float, rotation: Float) -> Float:

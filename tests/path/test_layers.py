@@ -12,7 +12,7 @@ import pytest
 from tests.path.conftest import Raw
 from tests.report.test_sensitivity import ROBOT, TABLE, TOOL
 from workbench.api import rotation_from_quaternion
-from workbench.artefacts import Layer, RawEdge, Toolpath, Travel
+from workbench.artefacts import Layer, MeasuredAxis, RawEdge, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.path import check, feed, layers
 from workbench.units import DEG, Float
@@ -294,6 +294,10 @@ def test_tool_turntable_and_robot_count_in_what_the_place_is_known_to(raw, tmp_p
     assert path.chain.place_mm == pytest.approx(0.13)
     assert path.chain.turn == pytest.approx(np.radians(np.hypot(0.02, 0.01)))
     assert path.chain.rests_on == ("tool", "turntable", "robot")
+    assert path.chain.axes == {
+        "tool": MeasuredAxis((0, 0, 250), (0, 0, 1), 0.03, 0.02),
+        "turntable": MeasuredAxis((0, 0, 0), (0, 0, 1), 0.04, 0.01),
+    }
     path = layers(scan.edge, scan.cloud, tool=tool, turntable=table, robot_calibration=robot, robot_accuracy_mm=0.5)
     assert path.chain.place_mm == pytest.approx(0.13)  # the file's 0.12 mm, not what was typed
     vague = TOOL.points[0].model_copy(update={"u_mm": 0.3})

@@ -8,14 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.made import files_of
 from workbench.api import pose_from, rotation_from_vector
-from workbench.artefacts import Cloud, PointSet
+from workbench.artefacts import ChainU, Cloud, MeasuredAxis, PointSet, Toolpath
 from workbench.errors import InputError
 from workbench.path import read
 from workbench.pipeline import Pipeline
 from workbench.robot import Cell, CollisionScreen, plate, turntable_pose
 
 ROOT = Path(__file__).parents[2]
+Vector = tuple[float, float, float]
 
 
 def cloud_of(covariance: np.ndarray | None) -> Cloud:
@@ -102,6 +104,54 @@ def test_a_path_alone_says_how_well_its_hand_eye_was_known(cell: Cell) -> None:
     assert any("hand-eye" in text for text in (*sure.unchecked, *sure.unseen))
     assert not any("hand-eye" in text for text in (*unsure.unchecked, *unsure.unseen))
     assert unsure.margins.part_mm == pytest.approx(np.hypot(cell.margins.part_mm, 0.3))
+
+
+CUTTER, TABLE = ((260.0, 0.0, 140.0), (1.0, 0.0, 0.0)), ((2000.0, 0.0, 500.0), (0.0, 0.0, 1.0))  # of the cell
+
+
+def measured(link: str, point_mm: Vector, direction: Vector | None) -> Toolpath:
+    """A path that rests on an axis so measured, as its file holds it."""
+    path = read(toolpath=ROOT / "data/synthetic/paths/raw_arc.json")
+    axis = MeasuredAxis(point_mm, direction, u_mm=0.03, u_deg=0.04)
+    return dataclasses.replace(path, chain=ChainU(0.03, 7e-4, (link,), {link: axis}))
+
+
+@pytest.mark.parametrize(
+    ("link", "point_mm", "direction", "said"),
+    [
+        ("tool", (80, -20, 250), (0, 0, 1), r"flange_from_cutter: lies 112 mm beside .* turned by 90 deg"),
+        ("tool", (260, 0.6, 140), None, "lies 0.6 mm beside the measured axis"),
+        ("tool", (260, 0, 140), (-1, 0, 0), "turned by 1.8e[+]02 deg"),
+        ("turntable", (1500, 200, 465), (0, 0, 1), "base_from_turntable: lies 539 mm beside"),
+        ("turntable", (2000, 0, 100), (0.004, 0, 1), "turned by 0.23 deg"),
+    ],
+)
+def test_a_tool_or_turntable_measured_elsewhere_is_refused(
+    cell: Cell, link: str, point_mm: Vector, direction: Vector | None, said: str
+) -> None:
+    with pytest.raises(InputError, match=said):
+        plate(cell, toolpath=measured(link, point_mm, direction))
+
+
+def test_what_lies_nearly_as_measured_is_told(cell: Cell, tmp_path: Path) -> None:
+    def told(link: str, point_mm: Vector, direction: Vector | None, cell: Cell = cell) -> list[str]:
+        (tmp_path / "toolpath.json").write_bytes(files_of(measured(link, point_mm, direction))["toolpath.json"])
+        found = plate(cell, toolpath=read(toolpath=tmp_path / "toolpath.json"))
+        return [text for text in found.unchecked if text not in plate(cell).unchecked]
+
+    assert told("tool", *CUTTER) == told("turntable", *TABLE) == told("tool", (260, 0.05, 140), (1, 0.001, 0)) == []
+    assert told("turntable", (2000, 0, -70), (0, 0, 1)) == []  # where on the axis it was measured is all the same
+    assert (
+        "lies 0.2 mm beside the measured axis through (260.00, 0.20, 140.00) mm"
+        in told("tool", (260, 0.2, 140), None)[0]
+    )
+    assert told("tool", (300, 0, 140), None) == [
+        "the tool's length: its tip was measured +40 mm beyond the cell's, along its axis"
+    ]
+    named = dataclasses.replace(cell, controller_tools={"tMill": cell.flange_from_cutter})
+    assert "lies 3 mm beside" in told("tool", (260, 3, 140), None, named)[0]  # the controller's own tool may be so
+    with pytest.raises(InputError, match="lies 30 mm beside"):
+        told("tool", (260, 30, 140), None, named)
 
 
 def test_a_cloud_without_a_grid_is_a_body_whole(cell: Cell) -> None:

@@ -69,12 +69,23 @@ class Travel:
 
 
 @dataclass(frozen=True, slots=True)
+class MeasuredAxis:
+    """The axis of a tool (in the flange, through its tip) or of a turntable (in the base), as calibrated."""
+
+    point_mm: tuple[float, float, float]
+    direction: tuple[float, float, float] | None  # None: not measured
+    u_mm: float
+    u_deg: float
+
+
+@dataclass(frozen=True, slots=True)
 class ChainU:
     """What tool, turntable and robot make of a path's place, beyond edge and hand-eye pose: one error of all of it."""
 
     place_mm: float  # standard uncertainty along any axis
     turn: float  # of the face's direction, rad
     rests_on: tuple[str, ...]  # the links that are in it
+    axes: Mapping[str, MeasuredAxis] = field(default_factory=dict)  # by link: what a cell must have there
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import ChainU, Cloud, Cutter, Layer, RawEdge, Toolpath
+from workbench.artefacts import ChainU, Cloud, Cutter, Layer, MeasuredAxis, RawEdge, Toolpath
 from workbench.errors import InputError
 from workbench.path.course import Bevel, Course, bevel_of, edge_course, layer_heights, raised, under, upper_bevel
 from workbench.path.obstacles import Lift
@@ -235,19 +235,21 @@ def chain_u(tool: Path | None, turntable: Path | None, robot: Path | None, robot
     Raises:
         InputError: a file that is none of its kind.
     """
-    parts = {}
+    axes = {}
     if tool is not None:
         declared = ToolFile.read(tool)
-        parts["tool"] = declared.points[0].u_mm, UNKNOWN_AXIS_DEG if declared.axis is None else declared.axis.u_deg
+        tip, axis = declared.points[0], declared.axis
+        along, turn_deg = (None, UNKNOWN_AXIS_DEG) if axis is None else (axis.direction, axis.u_deg)
+        axes["tool"] = MeasuredAxis(tip.position_mm, along, tip.u_mm, turn_deg)
     if turntable is not None:
         table = TurntableFile.read(turntable)
-        parts["turntable"] = table.u_mm, table.direction_u_deg
+        axes["turntable"] = MeasuredAxis(table.axis_point_mm, table.axis_direction, table.u_mm, table.direction_u_deg)
+    parts = {name: (one.u_mm, one.u_deg) for name, one in axes.items()}
     if robot is not None:
         parts["robot"] = RobotFile.read(robot).u_mm, 0.0
     elif robot_mm > 0.0:
         parts["robot"] = robot_mm, 0.0
     if not parts:
         return None
-    return ChainU(
-        math.hypot(*(mm for mm, _ in parts.values())), math.hypot(*(deg for _, deg in parts.values())) * DEG, (*parts,)
-    )
+    mm, deg = (math.hypot(*each) for each in zip(*parts.values(), strict=True))
+    return ChainU(mm, deg * DEG, (*parts,), axes)

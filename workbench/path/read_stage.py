@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.artefacts import UNKNOWN_PART, ChainU, Cutter, Gate, Layer, Toolpath, Travel
+from workbench.artefacts import UNKNOWN_PART, Cutter, Gate, Layer, Toolpath, Travel
 from workbench.artefacts.decisions import SHAPE_ONLY
 from workbench.errors import InputError
 from workbench.geometry.poses import is_rigid, rotation_from_quaternion
@@ -76,7 +76,7 @@ def read(*, toolpath: InputFile) -> Toolpath:
         root_radius_mm=needs.root_radius_mm,
         claim=_claim(file),
         evidence=tuple(file.evidence),
-        chain=None if file.chain is None else ChainU(file.chain.place_mm, file.chain.turn, tuple(file.chain.rests_on)),
+        chain=file.chain,
     )
 
 

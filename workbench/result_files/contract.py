@@ -22,7 +22,7 @@ from pydantic import (
     with_config,
 )
 
-from workbench.artefacts import UNKNOWN_PART, Check, HandEye, Part, Verdict
+from workbench.artefacts import UNKNOWN_PART, ChainU, Check, HandEye, MeasuredAxis, Part, Verdict
 from workbench.errors import InputError, nearest
 from workbench.geometry.poses import RIGID, is_rigid, rotation_from_rpy, vector_from_rotation
 from workbench.parameters import path_of, problems
@@ -139,7 +139,7 @@ def _refusal(error: ValidationError, document: Mapping[str, Any], path: Path, mo
     return InputError(f"{path}: {path_of(wrong)}", expected)
 
 
-for artefact in (Check, Part):  # they have no place for further keys: `document` has
+for artefact in (ChainU, Check, MeasuredAxis, Part):  # they have no place for further keys: `document` has
     with_config(ConfigDict(extra="ignore"))(artefact)
 
 
@@ -331,14 +331,6 @@ class PathClaim(Row):
     sha256: str | None = Field(default=None, description="absent: the path counts as changed")
 
 
-class ChainRow(Row):
-    """What tool, turntable and robot make of a path's place and direction: standard uncertainties, mm and rad."""
-
-    place_mm: NotNegative
-    turn: NotNegative
-    rests_on: list[str]
-
-
 class ToolpathFile(ResultFile):
     """`toolpath.json`: a milling path in layers."""
 
@@ -351,7 +343,7 @@ class ToolpathFile(ResultFile):
     cutter: CutterRow
     requirements: PathRequirements = PathRequirements()
     edge_length_mm: Positive | None = None
-    chain: ChainRow | None = None
+    chain: ChainU | None = None
     refused: list[str] = Field(default_factory=list)
     warnings: list[str] = Field(default_factory=list)
     evidence: list[Check] = Field(default_factory=list, max_length=1000)

@@ -10,14 +10,14 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Cloud, PointSet, Toolpath
+from workbench.artefacts import Cloud, MeasuredAxis, PointSet, Toolpath
 from workbench.errors import InputError
 from workbench.geometry.grids import fuse
 from workbench.geometry.poses import inverse
 from workbench.robot.cell_model import ON_BASE, ON_TURNTABLE, Cell, Shape, named_file
 from workbench.robot.collision import external_at, sliding, turntable_pose
 from workbench.stage import InputFile, stage
-from workbench.units import AnyArray, Float
+from workbench.units import DEG, AnyArray, Float
 
 GridCell = tuple[int, ...]  # of the grid
 CLOUDS = (".pcd", ".xyz", ".pts")  # hold points only; a PLY file may hold either
@@ -32,6 +32,10 @@ BASE_U_ALONE = (
     "what the hand-eye leaves open of the scan: the calibration states no covariance, the cell file's "
     "$.uncertainty.base_u_mm and turntable_u_mm count alone"
 )
+# mm, deg, by which an axis may lie beside the measured one: the root face's tolerance, or the bevel's, is then gone
+TOOL_BESIDE, TABLE_BESIDE = (0.5, 1.0), (0.5, 0.15)
+ANOTHER_TOOL, ENTERED = (20.0, 10.0), (0.05, 0.05)  # likewise: of one on the controller; by rounding
+SURE = 3.0  # standard uncertainties
 CONTACT = ("cutter", "workpiece")  # what mills may touch what is milled
 
 
@@ -134,14 +138,16 @@ def plate(
         cell: the robot cell; without one there is nothing to do, nor without a scan.
         cloud: the scan.
         points: the cloud that the scan was sliced from (`edge.segment_cloud`): the body is made of all its points.
-        toolpath: the path, whose part says how well its scan's hand-eye was known.
+        toolpath: the path, which says how well its scan's hand-eye was known, and where tool and turntable were
+            measured.
         scan: a scan as a file, where none is upstream: PLY, PCD, XYZ, mm in the base.
         voxel_mm: edge of the cubes that hold the scan's points.
         planned_at_deg: turntable angle at which the part was scanned.
         planned_tilt_deg: likewise of its tilt.
 
     Raises:
-        InputError: points too far from the origin for the grid; a file that is no cloud, or in metres.
+        InputError: points too far from the origin for the grid; a file that is no cloud, or in metres; a path whose
+            tool or turntable was measured elsewhere than the cell has it.
 
     Example:
         >>> from workbench import edge, path, robot, scan
@@ -154,7 +160,7 @@ def plate(
     """
     if cell is None:
         return None
-    cell = _as_known(cell, cloud, toolpath)
+    cell = _as_measured(_as_known(cell, cloud, toolpath), toolpath)
     if points is not None:
         seen, source = points.points_mm, points.source
     elif cloud is not None:
@@ -192,6 +198,42 @@ def _as_known(cell: Cell, cloud: Cloud | None, toolpath: Toolpath | None) -> Cel
         part_rad=float(np.hypot(cell.margins.part_rad, rad)),
     )
     return dataclasses.replace(cell, margins=margins)
+
+
+def _as_measured(cell: Cell, toolpath: Toolpath | None) -> Cell:
+    """The cell, if its tool and turntable lie where those of the path were measured; what is nearly so is told."""
+    axes = {} if toolpath is None or toolpath.chain is None else toolpath.chain.axes
+    table = cell.turntable
+    told: list[str] = []
+    if "tool" in axes:  # of one that the controller knows, programs do not have the place
+        pose, most = cell.flange_from_cutter, TOOL_BESIDE if cell.tool_name is None else ANOTHER_TOOL
+        told, beyond_mm = _compared(axes["tool"], pose, most, f"{cell.source}: $.tool.flange_from_cutter")
+        if abs(beyond_mm) > TOOL_BESIDE[0]:
+            told.append(
+                f"the tool's length: its tip was measured {beyond_mm:+.3g} mm beyond the cell's, along its axis"
+            )
+    if "turntable" in axes and table is not None and table.on is None and not table.slides:
+        where = f"{cell.source}: $.turntable.base_from_turntable"
+        told += _compared(axes["turntable"], table.base_from_turntable, TABLE_BESIDE, where)[0]
+    return dataclasses.replace(cell, unchecked=(*cell.unchecked, *told))
+
+
+def _compared(measured: MeasuredAxis, pose: Float, most: tuple[float, float], where: str) -> tuple[list[str], float]:
+    """What is to be told of an axis, the z of a pose, that lies beside its measured one; and how far beyond its origin.
+
+    Raises:
+        InputError: it is off by more than `most`, mm and deg, and than its uncertainty: it would cut elsewhere.
+    """
+    place, u = np.array(measured.point_mm), np.array([measured.u_mm, measured.u_deg])
+    away, axis = pose[:3, :3].T @ (place - pose[:3, 3]), pose[:3, 2]
+    along = axis if measured.direction is None else np.array(measured.direction)
+    turn = np.arctan2(np.linalg.norm(np.cross(axis, along)), axis @ along)
+    off = np.array([np.hypot(*away[:2]), turn / DEG])
+    point = ", ".join(f"{v:.2f}" for v in place)
+    said = f"lies {off[0]:.3g} mm beside the measured axis through ({point}) mm, and is turned by {off[1]:.2g} deg"
+    if (off > np.maximum(most, SURE * u)).any():
+        raise InputError(where, f"{said}: is it another one, or was that not entered here?")
+    return [f"{where} {said}"] * bool((off > np.maximum(ENTERED, SURE * u)).any()), away[2]
 
 
 def _seen(cloud: Cloud) -> Float:

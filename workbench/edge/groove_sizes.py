@@ -30,7 +30,6 @@ LEAST_DEPTH_MM = 4.0  # of a groove whose faces are not seen, for judging the le
 STEP_SHARE, SEEN_SHARE = 0.3, 0.12
 MOST_MIXED = 2.0  # columns by which a last return that sees an end in part is off its face's line
 JOINED_STEPS = 3.0  # by which last returns of two plates differ in level where these meet
-JOINED_SHARE = 1.0  # where the other plate's returns follow at once: the last one or two may be of either
 END_SHARE, ROUNDED_U_MM = 0.6, 0.03  # of an upper surface that ends above a face that is not seen: its rounding too
 # Times u of what lasts on a face, whose strength a few places tell: of Student's t with eight freedoms three of these
 # hold what three of a known one do.
@@ -39,7 +38,7 @@ TOGETHER_STEPS = 2.0  # ends further off the others are lost, or hidden by a wel
 WAVE_MM = 20.0  # of length, for each degree of a rough course
 LEAST_LOST, MOST_LOST = 0.05, 0.6  # share of a face's columns without return
 CLEAR_MM = 0.3  # by which the line of sight must clear the other plate
-SELDOM = 0.01  # probability below which a difference of depths is taken for noise
+STEADY = 0.9  # share of the profiles in which two roots keep their distance: what is dark ends raggedly
 SURE_STEPS, SURE_FACE_MM, SURE_LEAN = 3.0, 0.5, 0.14  # a root face of this height would return so many columns
 SHADOW_MM, SHADOW_COLUMNS, SHADOW_FAN = 0.3, 3.0, math.tan(3.0 * DEG)  # lower root; how near a ray; spread of the fan
 GRAZING_DEG = 18.0  # between face and ray, below which a sensor may return nothing
@@ -90,19 +89,21 @@ class GrooveSizes:
         source: str,
         plates: tuple[Plate, Plate],
         along: Along,
-        lean: float,
+        view: tuple[float, float],
         sensor: Linearity,
         hidden_columns: float = 0.0,
         edge_condition: EdgeCondition = "unknown",
         knife: float = 0.5,
     ) -> None:
-        """Lean: how far the range axis goes right a mm upwards; hidden_columns: standard uncertainty of all ends.
+        """View: how far the range axis goes right a mm upwards, and a camera beside the sheet, as far as it is high.
+
+        hidden_columns: standard uncertainty of all ends.
 
         edge_condition: of the roots; knife: probability that a bevel whose root face is not seen has none.
         """
         self.hidden_columns, self.sensor_mm = hidden_columns, sensor.rms_mm
         self.edge_condition, self.knife = edge_condition, knife
-        self.plates, self.along, self.lean = list(plates), along, lean
+        self.plates, self.along, (self.lean, self.beside) = list(plates), along, view
         self.s, self.group, self.at = along.s, along.group, along.at
         lines = [line for one in plates for line in one.lines]
         images = tuple(image for one in plates for image in one.images)
@@ -306,7 +307,8 @@ class GrooveSizes:
                 share, (off, off_u) = SEEN_SHARE, self._beyond(k)
         joined = self._joined(one)
         if joined is not None:
-            return Place(value, u, one.sigma**2, alike_u=math.hypot(JOINED_SHARE * step, joined))
+            # The other plate's returns follow at once: the last one or two may be of either.
+            return Place(value, u, one.sigma**2, alike_u=math.hypot(step, joined))
         return Place(value + off, u, one.sigma**2, alike_u=math.hypot(self._column_u(share) * step, off_u))
 
     def _column_u(self, share: float) -> float:
@@ -439,28 +441,25 @@ class GrooveSizes:
     def _unlit(self, ends: dict[str, Place]) -> dict[str, Place]:
         """The ends; of two bevels the shorter one ends where it is seen to, or in a shadow as deep as the other.
 
-        Both are alike likely where no column returns as far as it would go on, and where the depths differ: that noise
-        alone makes such a difference of equal ones is weighed against differences up to the depth itself.
+        Both are alike likely where no column returns as far as it would go on; unless both ends keep their distance,
+        as cut edges do, and no line of sight to there, of a camera at up to 45 deg, meets the other plate.
         """
         if self.shadowed or any(each.kind != "bevel" or self._joined(each) is not None for each in self.plates):
             return ends
         depths = [typical(self.seen.below(name, "root")) for name in NAMES]
         k = int(np.argmin(depths))
-        one, lower = self.plates[k], abs(depths[0] - depths[1])
-        falls, own = [typical(each.fall) for each in self.plates], [ends[f"{name}:reach"] for name in NAMES]
-        known = math.hypot(
-            *((typical(end.u) + end.alike_u) * math.sin(fall) for end, fall in zip(own, falls, strict=True))
-        )
-        if one.shows_root_face or not lower > 0.0 or not lower / math.tan(falls[k]) < one.missing:
+        one, lower, fall = self.plates[k], abs(depths[0] - depths[1]), typical(self.plates[k].fall)
+        if one.shows_root_face or not lower > 0.0 or not lower / math.tan(fall) < one.missing:
             return ends
-        equal = math.exp(-0.5 * (lower / known) ** 2) / (known * math.sqrt(2.0 * math.pi)) * max(depths)
-        differ = 1.0 / (1.0 + equal)
-        if differ < SELDOM:
+        level = self.plates[0].last[:, 1] - self.plates[1].last[:, 1]
+        column = max(typical(each.step * np.sin(each.fall)) for each in self.plates)
+        steady = self._together(level, np.isfinite(level), column, column).mean() > STEADY
+        aside, up = np.abs(self.seen.at[f"{NAMES[1 - k]}_upper"] - self.seen.at[f"{NAMES[k]}_root"]).T
+        if steady and typical(aside / up) > self.leans[1 - k] + self.beside + SHADOW_FAN:
             return ends
-        mean, spread = 0.5 * differ, math.sqrt(differ * (1.0 - 0.75 * differ))  # of none, or all alike likely up to 1
-        farther = lower / math.sin(falls[k])
-        moved = own[k]._replace(value=own[k].value + mean * farther, unlit=spread * farther)
-        return ends | {f"{NAMES[k]}:reach": moved}
+        half = 0.5 * lower / math.sin(fall)
+        name = f"{NAMES[k]}:reach"
+        return ends | {name: ends[name]._replace(value=ends[name].value + half, unlit=half)}
 
     def _together(self, low: Float, good: Bool, step: float, column: float) -> Bool:
         """Profiles (n,) of `good` whose ends follow one smooth course: a tack weld, or lost returns, end one earlier.

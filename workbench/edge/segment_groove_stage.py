@@ -97,12 +97,11 @@ def segment_groove(
         np.hypot(curve.tangent_u(at + first), math.hypot(by_robot, laser_plane_u(cloud))),
         in_order(cloud.checks),
     )
-    lean = _lean(cloud, read.frame, curve, s, about - tilt.value(s))
     measured = GrooveSizes(
         cloud.source,
         both,
         along,
-        lean,
+        _view(cloud, read.frame, curve, s, about - tilt.value(s)),
         linearity,
         hidden_columns_u(cloud.checks),
         edge_condition,
@@ -283,9 +282,13 @@ def _type(
     return found, tuple(one for one in possible if one != groove), True
 
 
-def _lean(cloud: Cloud, frame: Int, curve: Curve, s: Float, turn: Float) -> float:
-    """How far the range axis goes right a mm upwards: the median of the profiles."""
+def _view(cloud: Cloud, frame: Int, curve: Curve, s: Float, turn: Float) -> tuple[float, float]:
+    """How far the range axis goes right a mm upwards, and as long a way square to the sheet: medians of the profiles.
+
+    The first with its sign.
+    """
     good = np.isfinite(s)
     right, up = axes(curve, s[good], turn[good])
-    ez = cloud.base_from_profiler[frame[good], :3, 2]
-    return float(np.median((ez * right).sum(axis=1) / (ez * up).sum(axis=1)))
+    ey, ez = np.moveaxis(cloud.base_from_profiler[frame[good], :3, 1:3], -1, 0)
+    beside, lean = (float(np.median((one * right).sum(axis=1) / (ez * up).sum(axis=1))) for one in (ey, ez))
+    return lean, abs(beside)

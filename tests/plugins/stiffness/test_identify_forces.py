@@ -110,6 +110,18 @@ def test_a_real_recording_is_read() -> None:
     assert one.sense > 10 or one.sense < 0.1
 
 
+@pytest.mark.parametrize(("unit", "newtons"), [("kgf", 9.80665), ("lbf", 4.44822)])
+def test_another_unit_of_force_is_named(tmp_path: Path, unit: str, newtons: float) -> None:
+    files = [tmp_path / f"{feed:.0f}.csv" for feed in FEEDS[:2]]
+    for path, feed in zip(files, FEEDS, strict=False):
+        samples = recording(Slot(), feed, 1)
+        samples[:, 1:] /= newtons
+        write(path, samples)
+    with pytest.raises(InputError, match=f"published of al7075_t6 is 767: are forces in {unit}"):
+        found(files, FEEDS[:2])
+    assert found(files, FEEDS[:2], material="beech")["ktc_n_mm2"] == pytest.approx(767 / newtons, rel=0.05)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -120,6 +132,7 @@ def test_a_real_recording_is_read() -> None:
         ({"radial_depth_mm": 30.0}, "diameter"),
         ({"axes": ("x", "x", "z")}, "once each"),
         ({"feeds_mm_min": [900.0, 300.0]}, "order"),
+        ({"feeds_mm_min": [5.0, 15.0]}, "K_tc would be .* published of al7075_t6 is 767: are feeds in mm/s"),
     ],
 )
 def test_what_contradicts_itself_is_refused(change, words: str) -> None:

@@ -32,8 +32,9 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.ranges import AsBuiltU, HelixDeg, Positive
-from workbench.plugins.stiffness.coefficients import NAMES, CuttingCoefficients
+from workbench.plugins.stiffness.coefficients import NAMES, PUBLISHED, CuttingCoefficients
 from workbench.plugins.stiffness.force_stage import Teeth, mean_matrices, milling_force
+from workbench.plugins.stiffness.load_checks import unlike
 from workbench.plugins.stiffness.tap_tests import unit_vector
 
 LEAST_TURNS = 20
@@ -49,6 +50,13 @@ CLIPPED = 3  # samples in a row on the channel's very extreme
 SCALE_U, GAIN_U = 0.02, 0.01  # of dynamometer and depths of cut together; of each axis against the others
 ZERO_U_N, WEAR_U = 0.5, 0.02  # of a recording: its zero, along each axis; the share of its edge forces
 RUNOUT_U = 0.5  # of what run-out takes, over it
+HARDER = {  # what makes K_tc how many times as large as it is
+    "are forces in kN": 1e-3,
+    "are forces in kgf (9.807 N)": 1 / 9.807,
+    "are forces in lbf (4.448 N)": 1 / 4.448,
+    "are feeds in inches a minute": 25.4,
+    "are feeds in mm/s": 60.0,
+}
 LEAST = 1e-3  # of the stated ones, for a set-up that is exactly as stated
 NOT_INCLUDED = (
     "another edge, other cutting speeds, wear of more than some per cent from recording to recording",
@@ -126,7 +134,8 @@ def identify_forces(
 
     Raises:
         InputError: one feed, fewer than 20 whole turns, a saturated channel, chatter, another speed or number of
-            flutes; no axes, or several, with positive coefficients; lines of the teeth that contradict the means.
+            flutes; no axes, or several, with positive coefficients; lines of the teeth that contradict the means;
+            three times as much, or as little, as is published of the material: another unit.
 
     Example:
         >>> from workbench.plugins import stiffness
@@ -157,6 +166,13 @@ def identify_forces(
         runout = _run_out(chosen, recorded, per_tooth, cut, np.radians(helix_deg))
         chosen = _fitted(recorded, per_tooth, cut, chosen.turn, runout.lost_n, as_built_u)
     _check_teeth(recorded, chosen, runout)
+    published = PUBLISHED.get(material)
+    if published is not None and (likely := unlike(chosen.values[0] / published.ktc_n_mm2, HARDER)):
+        raise InputError(
+            recorded[0].source,
+            f"K_tc would be {chosen.values[0]:.3g} N/mm2, published of {material} is {published.ktc_n_mm2:.3g}: "
+            f"{likely}? or is it another material (name it so)?",
+        )
     u = estimator.standard_u(chosen.covariance)
     content = {
         "material": material,

@@ -8,7 +8,7 @@ if they then make sense.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -44,7 +44,7 @@ STIFFER = {  # what makes the joints how many times as stiff as they are
     "is the wrench in kgf (9.807 N)": 1 / 9.807,
     "are displacements in inches": 25.4,
 }
-UNLIKE = 3.0  # times the stated stiffness: robots of a type differ by less, units by more
+UNLIKE = 3.0  # times what is stated: robots of a type, or cutters in one alloy, differ by less, units by more
 CLIPPED, CLIPPED_SHARE, NEARLY, FINE = 4, 0.5, 0.99, 1e-3  # loads at the end of a range; of those within 1 % of it
 
 
@@ -272,14 +272,20 @@ def check_clipped(tests: LoadingTests) -> None:
 
 def check_stated(found: JointStiffness, stated: Float, source: str, tests: LoadingTests) -> None:
     """All loads in kgf or lbf fit as well as they should: only what is known of this robot tells."""
-    ratio = np.exp(np.mean(np.log(found.nm_per_rad / stated)))
-    if max(ratio, 1 / ratio) > UNLIKE:
-        likely = min(STIFFER, key=lambda cause: abs(math.log(ratio / STIFFER[cause])))
+    ratio = float(np.exp(np.mean(np.log(found.nm_per_rad / stated))))
+    if likely := unlike(ratio, STIFFER):
         raise InputError(
             tests.source,
             f"the joints would be {ratio:.2g} times as stiff as {source} states: {likely}? or is that another robot's "
             "stiffness (take it out)?",
         )
+
+
+def unlike(ratio: float, causes: Mapping[str, float]) -> str | None:
+    """The cause, of those with the ratio each makes, that best explains one of found to stated; None: as stated."""
+    if max(ratio, 1 / ratio) <= UNLIKE:
+        return None
+    return min(causes, key=lambda cause: abs(math.log(ratio / causes[cause])))
 
 
 def check_limits(chain: Chain, tests: LoadingTests, convention: AngleConvention) -> None:

@@ -123,6 +123,14 @@ def test_below_a_root_run_the_gap_is_not_told_and_the_bevels_are() -> None:
     assert not any("a weld or a backing strip" in one for one in plain.warnings)
 
 
+def test_lands_beside_an_open_gap_are_named() -> None:
+    """A weld or a backing strip was said to join them, where nothing does."""
+    land = side((ROOT + 0.01, 89.7), (THICK, 30.0))
+    found = measured(groove(2, (land, mirrored(land))))
+    assert any("2.0 mm of it return nothing: lands beside an open gap" in one for one in found.warnings)
+    assert not any("joins their faces" in one for one in found.warnings)
+
+
 def test_of_uneven_root_faces_each_ends_where_it_is_seen_to() -> None:
     """The upper one was put midway to the other's depth, as if in a shadow: the gap 0.15 mm too small, at u 0.09."""
     gap = measured(groove(0, (side((THICK, 30.0), root=1.0), PLAIN))).sizes["gap_mm"]

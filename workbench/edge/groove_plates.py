@@ -64,7 +64,12 @@ class Plate:
     below: Shaped[Float, "n 2"]  # from the last return of the bevel to that of the root face, inwards and down; NaN
     outwards: Shaped[Int, " n"]  # column of the innermost return, below 0 where the groove lies towards column 0
     cut: Shaped[Bool, " n"]  # whether a dark column ends what is seen: `end` or `last`, NaN then
-    is_covered: bool  # whether a third of the profiles show something that joins the last return: a weld, a strip
+    parted_mm: float  # `Side.parted_mm` of most profiles; NaN: fewer than a third show something there
+
+    @property
+    def is_covered(self) -> bool:
+        """Whether something joins the last return: a weld, a backing strip, a land."""
+        return math.isfinite(self.parted_mm)
 
     def corner(self, places: Sequence[Float], angles: Sequence[Float], beyond_mm: Float | float = 0.0) -> Float:
         """Upper corners (n, 2) by its lines; where nothing is seen below, half a column beyond the last return."""
@@ -223,10 +228,11 @@ def _plate(view: _View, sections: Sequence[SectionLines], images: Sequence[FaceI
             lowest[k] = below[np.argmin(below[:, 1])]
             beneath[k] = np.abs(lowest[k] - last[k])
             root_a[k], spacing[k] = float(np.median(below[:, 0])), float(np.median(np.abs(np.diff(below[:, 1])))) + 1e-3
-    covered = np.array([side.covered for side in sides])
-    is_covered = bool(covered.mean() > COVERED)
-    last[(covered & np.isnan(root_a)) | is_covered] = np.nan
-    lowest[covered | is_covered] = np.nan
+    parted = np.array([side.parted_mm for side in sides])
+    covered = np.isfinite(parted)
+    parted_mm = typical(parted) if covered.mean() > COVERED else math.nan
+    last[(covered & np.isnan(root_a)) | math.isfinite(parted_mm)] = np.nan
+    lowest[covered | math.isfinite(parted_mm)] = np.nan
     hangs, cut = end.copy() if len(lines) == 1 else None, np.zeros(n, bool)
     for place, column in ((last, outwards[1]), (end, outwards[0]))[: 2 if kind in UNSEEN else 1]:
         mine = cut_by_dark(view.cloud, column, (place - view.wander)[:, 0], pitch)
@@ -267,7 +273,7 @@ def _plate(view: _View, sections: Sequence[SectionLines], images: Sequence[FaceI
         beneath,
         outwards[1],
         cut,
-        is_covered,
+        parted_mm,
     )
 
 

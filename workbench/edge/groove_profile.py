@@ -69,7 +69,8 @@ class Side:
     step_mm: float  # from there to the next column, along the face
     rounded_mm: float  # how far a rounded edge is seen beyond the upper surface, along it; below which nothing is seen
     below: Int  # returns of the root face
-    covered: bool = False  # whether what lies between the plates joins the last return: a weld, a backing strip
+    # the widest way without returns, of what lies between the plates and joins the last return; NaN: nothing does
+    parted_mm: float = math.nan
 
 
 def read_profile(x: Float, y: Float) -> tuple[Side, Side] | None:
@@ -122,25 +123,25 @@ def _both_sides(x: Float, y: Float, lines: Float, long: Float, over: bool) -> tu
     ends = [int(side.below[at]) if side.below.size else side.last for side, at in ((left, -1), (right, 0))]
     between = slice(ends[0], max(ends[1], ends[0]) + 1)
     return (
-        replace(left, covered=_is_covered(x[between], y[between], left, math.atan(long[0][SLOPE]))),
-        replace(right, covered=_is_covered(-x[between][::-1], y[between][::-1], right, -math.atan(long[-1][SLOPE]))),
+        replace(left, parted_mm=_parted_mm(x[between], y[between], left, math.atan(long[0][SLOPE]))),
+        replace(right, parted_mm=_parted_mm(-x[between][::-1], y[between][::-1], right, -math.atan(long[-1][SLOPE]))),
     )
 
 
-def _is_covered(x: Float, y: Float, side: Side, level: float) -> bool:
-    """Whether returns from a plate's last one to the other plate's join it at once and do not fall as a face would."""
+def _parted_mm(x: Float, y: Float, side: Side, level: float) -> float:
+    """`Side.parted_mm` of returns from a plate's last one to the other plate's: they do not fall as a face would."""
     near = STEEP_STEP_MM if side.below.size else max(FLOOR_STEPS * side.step_mm, FLOOR_MM)
     if side.kind not in ("bevel", "round"):
-        return False
+        return math.nan
     for k in (1, 2):  # the first return beyond the last one may still be the face's
         to = k + DROP_POINTS
         if x.size <= to + SHARED:
-            return False
+            return math.nan
         way = np.hypot(np.diff(x[: to + 1]), np.diff(y[: to + 1]))
         fall = level - math.atan2(y[to] - y[k], x[to] - x[k])
         if (way[:k] < near).all() and (way[k:] < LINKED_MM).all() and -FLOOR_RISE < fall < LEAST_FALL:
-            return True
-    return False
+            return float(np.diff(x).max())
+    return math.nan
 
 
 def _floors(lines: Float) -> Bool:

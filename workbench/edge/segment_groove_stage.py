@@ -19,7 +19,7 @@ from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.extrapolated import name_extrapolated
 from workbench.edge.groove_frames import ReadFrames, axes, groove_curve, read_frames
 from workbench.edge.groove_plates import plates
-from workbench.edge.groove_profile import Kind
+from workbench.edge.groove_profile import JUMP_MM, Kind
 from workbench.edge.groove_root_end import BLUNTED
 from workbench.edge.groove_sizes import GrooveSizes
 from workbench.edge.joint_lines import LEAST_FRAMES, Along, typical
@@ -39,6 +39,10 @@ from workbench.stage import InputFile, stage
 from workbench.units import AnyArray, Float, Int
 
 SHADOW = "one root lies in the shadow of the other plate's: gap and depth are not told; lean the scan the other way"
+LANDS = (
+    "below the bevels the profile goes on level, but {:.1f} mm of it return nothing: lands beside an open gap, or a "
+)
+LANDS += "weld or a backing strip that is dark there; gap and depth are not told"
 COVERED = "what lies between the plates joins their faces, a weld or a backing strip: where these end is not told"
 CUT = "in {:.0f} % of the profiles a plate ends beside a column that hardly ever returns, over which it moves: blind "
 CUT += "columns, or the sensor's window, end what is seen; where these sizes end there is not told"
@@ -138,10 +142,10 @@ def segment_groove(
         warnings=(
             *_alike(type_, alternatives, declared),
             *_hidden(measured, declared),
-            *((SHADOW,) if measured.shadowed else ()),
+            *(measured.shadowed * (SHADOW,)),
             *notes,
             *taken_off,
-            *((COVERED,) if any(one.is_covered for one in measured.plates) else ()),
+            *_covered(typical(np.array([one.parted_mm for one in measured.plates]))),
         ),
     )
     return name_extrapolated(found, cloud, max(one.sigma for one in measured.plates))
@@ -229,6 +233,10 @@ def _hidden(measured: GrooveSizes, declared: bool) -> tuple[str, ...]:
     note = f"nothing is seen below a plate's upper surface, where a bevel of up to {deg} may be: the gap is "
     note += "known bluntly" if np.isfinite(measured.sizes["gap_mm"].value).any() else "not told"
     return (note + ", and nothing that would rest on a square face: give `groove`",)
+
+
+def _covered(parted_mm: float) -> tuple[str, ...]:
+    return math.isfinite(parted_mm) * (LANDS.format(parted_mm) if parted_mm > JUMP_MM else COVERED,)
 
 
 def possible_types(kinds: tuple[Kind, Kind], root_face: bool, no_root_face: bool) -> tuple[GrooveType, ...]:

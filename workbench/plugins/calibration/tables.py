@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 
 from workbench.api import (
     DEG,
@@ -18,6 +19,7 @@ from workbench.api import (
     Int,
     Part,
     RobotFile,
+    Shaped,
     ToolFile,
     TurntableFile,
     estimator,
@@ -33,6 +35,45 @@ ENOUGH = 0.5  # of the tolerance of the root face, that one link of the chain ma
 NOISY = 2.0  # misfit that is told
 MOST_MISFIT = 100.0  # residuals of ten times the stated noise
 TOO_NEAR = 15.0  # times nearer to each other than the noise says: a length in inches is 25.4 times too small
+CHANCE = 0.01  # that what is at rest counts as moving
+MOST_STEPS = 40  # that are tried
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """How what should be at rest moves over n rows."""
+
+    value: Shaped[Float, " n"]  # -0.5 to 0.5, of the whole way
+    words: str  # with the size in mm and its direction left open
+    share: float  # mean square of `value` at a time as likely as any
+
+
+def even(lines: Iterable[int]) -> Course:
+    """A drift over the rows, from the first to the last."""
+    time = np.argsort(np.argsort(np.array(lines)))
+    return Course(time / (len(time) - 1) - 0.5, "drift by {:.2f} mm{} from the first row to the last", 1.0 / 12.0)
+
+
+def moving(found: estimator.Fit[Any], along: Float, lines: tuple[int, ...], **by: Float) -> Course | None:
+    """The likeliest way of what should be at rest, along directions (d, q) of a row's values; None: it is at rest.
+
+    An even drift, or a step after a row or beyond a value (n,) of one of `by`.
+    """
+    cuts = {"line": np.array(lines), **by}
+    steps = [
+        Course(np.where(value > cut, 0.5, -0.5), f"shift by {{:.2f}} mm{{}} after {name} {cut:g}", 0.25)
+        for name, value in cuts.items()
+        for cut in np.unique(value)[1:-2][:: 1 + len(value) // MOST_STEPS]
+    ]
+
+    def chance(one: Course) -> float:
+        size, covariance = found.tested(one.value[:, None, None] * along)
+        return float(scipy.special.chdtrc(len(size), size @ np.linalg.solve(covariance, size)))
+
+    drift = even(lines)
+    tried = [(chance(drift), drift), *((len(steps) * chance(one), one) for one in steps)]
+    least, best = min(tried, key=lambda one: one[0])
+    return best if least < CHANCE else None
 
 
 def poses(table: Table) -> Float:
@@ -94,7 +135,7 @@ def noisy(found: estimator.Fit[Any], what: str, ask: str) -> tuple[str, ...]:
         return ()
     return (
         f"{what} lie {math.sqrt(found.misfit):.1f} times as far apart as the stated noise says: the uncertainties "
-        f"hold that; {ask}",
+        f"hold that as chance, not as an error tied to posture or angle; {ask}",
     )
 
 

@@ -32,12 +32,14 @@ from workbench.api import (
 from workbench.plugins.calibration.scanned import LEAST_POSTURES, UNSAID, UNUSED, Scanner
 from workbench.plugins.calibration.tables import (
     POSE,
+    Course,
     by_point,
     check_misfit,
     enough,
     fit_fields,
     fit_words,
     lever_noise,
+    moving,
     noisy,
     poses,
     refuse_open,
@@ -100,8 +102,8 @@ def tcp(
     """Determine the tool's points on the flange from touches, and its axis from two of them.
 
     Weighted least squares: touch i means R_i p + t_i = c, or |R_i p + t_i - c| = d (`stand_off_mm`), for the tool point
-    p and the reference c. A touch off by 5 standard deviations is left out. The first tool point is the tip,
-    the last one gives the axis.
+    p and the reference c. A touch off by 5 standard deviations is left out, a drift or step of the references over the
+    rows is taken out. The first tool point is the tip, the last one gives the axis.
 
     Args:
         profiles: of scanned references: circles from `calibrate.circles`.
@@ -141,13 +143,20 @@ def tcp(
         believed = scanner.warnings
     noise = math.hypot(robot_noise_mm, touch_noise_mm), robot_noise_deg * DEG
     labels = estimator.Labels(str(touches), every.lines, ask=ASKED)
-    found, left_out = estimator.without_blunders(_Touching(every, noise), _begun(every, noise), labels)
+    begun = _begun(every, noise)
+    course = moving(estimator.sound(_Touching(every, noise), begun), np.eye(3), every.lines)
+    if course is not None:
+        begun = np.append(begun, np.zeros(3))
+    found, left_out = estimator.without_blunders(_Touching(every, noise, course=course), begun, labels)
     check_misfit(found, labels)
     names, t = every.tool_names, 3 * len(every.tool_names)
-    place, spread = found.at.reshape(-1, 3), found.covariance[:t, :t]
+    place, spread = found.at[: t + 3 * len(every.reference_names)].reshape(-1, 3), found.covariance[:t, :t]
     of = [spread[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] for k in range(len(names))]
     exchanged = _check_places(place, names, least_reach_mm, str(touches))
     apart = noisy(found, "the touches", "is the tool loose, a pose or its unit wrong, the robot less accurate?")
+    if course is not None:
+        said = course.words.format(np.linalg.norm(found.at[-3:]), "")
+        apart = (f"the references {said}: that is taken out; did they, the base or the tool move or warm up?", *apart)
     widest, ask = [estimator.worst(one) for one in of], apart or ("turn the flange about axes across that direction",)
     for name, worst in zip(names, widest, strict=True):
         refuse_open(str(touches), f"the tool point '{name}'", *worst, "flange", max_u_mm, ask)
@@ -235,19 +244,27 @@ def _check_stand_off(touches: Touches, radius_mm: float, where: str) -> None:
 
 
 class _Touching:
-    """Touches as the estimator sees them: unknown are all tool points (flange), then all references (base), mm."""
+    """Touches as the estimator sees them: unknown are tool points (flange), references (base) and their way, mm."""
 
-    def __init__(self, touches: Touches, noise: tuple[float, float], offset: Float | None = None) -> None:
+    def __init__(
+        self,
+        touches: Touches,
+        noise: tuple[float, float],
+        offset: Float | None = None,
+        course: Course | None = None,
+    ) -> None:
         """`noise`: of position (mm) and orientation (rad), each axis.
 
         `offset`: where the tool points lie from their references (n, 3); None: the touches' distance away, anywhere.
+        `course`: by which all references move, by three more unknowns; None: they rest.
         """
         self.rotation, self.position = touches.base_from_flange[:, :, :3], touches.base_from_flange[:, :, 3]
         self.tool_point, self.noise = touches.tool_point, noise
         n, tools, refs = len(self.rotation), len(touches.tool_names), len(touches.reference_names)
         of_tool = by_point(self.rotation, touches.tool_point, tools)
         of_reference = by_point(np.tile(-np.eye(3), (n, 1, 1)), touches.reference, refs)
-        self.slope = np.concatenate([of_tool, of_reference], axis=2)
+        way = np.zeros((n, 3, 0)) if course is None else -course.value[:, None, None] * np.eye(3)
+        self.slope = np.concatenate([of_tool, of_reference, way], axis=2)
         self.offset = np.zeros((n, 3)) if offset is None else offset
         self.ball_mm = touches.distance_mm if offset is None else np.zeros(n)
         turn = np.arccos(np.clip((np.einsum("nij,mij->nm", self.rotation, self.rotation) - 1.0) / 2.0, -1.0, 1.0))
@@ -258,7 +275,8 @@ class _Touching:
         held = 3 * tools + np.flatnonzero(np.isfinite(touches.known_mm))
         self.prior = np.zeros((self.slope.shape[2],) * 2)
         self.prior[np.ix_(held, held)] = np.linalg.inv(touches.known_covariance)
-        self.expected = np.append(np.zeros(3 * tools), np.nan_to_num(touches.known_mm))
+        self.expected = np.zeros(self.slope.shape[2])
+        self.expected[held] = touches.known_mm[np.isfinite(touches.known_mm)]
 
     def rows(self, x: Float) -> estimator.Rows:
         """Residuals from where the tool point should be: of a ball, its nearest place, with any other as good."""

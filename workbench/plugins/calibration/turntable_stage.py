@@ -34,11 +34,15 @@ from workbench.api import (
 )
 from workbench.plugins.calibration.scanned import UNSAID, UNUSED, Places, Scanner
 from workbench.plugins.calibration.tables import (
+    CHANCE,
+    Course,
     by_point,
     check_misfit,
     enough,
+    even,
     fit_fields,
     fit_words,
+    moving,
     noisy,
     refuse_open,
     results,
@@ -57,7 +61,6 @@ STEP = 1e-5  # rad, for differences
 SURE = 5.0  # standard uncertainties by which the angles are not the table's
 UPRIGHT = 0.7  # of the axis' z: nearer to the vertical than to the horizontal
 CHECKED = 0.01  # u of the angles' scale, up to which the points check it
-CHANCE = 0.01  # that markers at rest count as drifting
 TIMES = np.geomspace(1.0, 100.0, 10)  # the stated noise of angles
 AT_REST = 1e-3  # of the points' noise: as good as no drift, whatever the order of the rows
 FREE = 1e3  # likewise: no prior
@@ -97,16 +100,16 @@ class _Turning:
     noise as u.
     """
 
-    def __init__(self, marks: Marks, angle_noise: float, drift: float = AT_REST) -> None:
-        self.marks, self.angle_noise, self.drift = marks, angle_noise, drift
+    def __init__(self, marks: Marks, angle_noise: float, course: Course | None = None) -> None:
+        self.marks, self.angle_noise, self.drift = marks, angle_noise, AT_REST if course is None else FREE
+        self.course = course or even(marks.lines)
         self.alike = estimator.alike(marks.marker, np.abs(marks.angle[:, None] - marks.angle), SAME_ANGLE)
         self.middle = marks.point_mm.mean(axis=0)
         self.stop = np.unique(np.round(marks.angle / SAME_ANGLE), return_inverse=True)[1]
-        self.time = np.argsort(np.argsort(marks.lines)) / (len(marks.lines) - 1) - 0.5
 
     def predicted(self, at: Axis) -> Float:
         there = np.einsum("nij,nj->ni", self.rotation(at), at.marker_mm[self.marks.marker])
-        return np.asarray(at.point_mm + there + self.time[:, None] * at.drift_mm)
+        return np.asarray(at.point_mm + there + self.course.value[:, None] * at.drift_mm)
 
     def rotation(self, at: Axis) -> Float:
         return rotation_from_vector(self.marks.angle[:, None] * at.frame[2])
@@ -122,7 +125,7 @@ class _Turning:
         columns = (
             np.tile(at.frame[:2].T, (n, 1, 1)),
             estimator.jacobian_of(lambda turn: self.predicted(_tilted(at, turn)), np.full(2, STEP)),
-            self.time[:, None, None] * np.eye(3),
+            self.course.value[:, None, None] * np.eye(3),
             by_point(self.rotation(at), self.marks.marker, self.marks.markers),
         )
         slope, prior = np.concatenate(columns, axis=2), np.zeros((size, size))
@@ -169,7 +172,8 @@ def turntable(
     """Determine a turntable's axis in the base from markers measured at two or more angles.
 
     Marker q at angle a lies at c + R(d, a) (q - c): least squares over direction d, axis point c and markers. A point
-    off by 5 standard deviations is left out. An even drift over the rows and the error of each angle are unknowns.
+    off by 5 standard deviations is left out. A drift over the rows, or a step after a row or beyond an angle, and the
+    error of each angle are unknowns.
 
     Args:
         profiles: of scanned spheres: circles from `calibrate.circles`.
@@ -217,8 +221,8 @@ def turntable(
         raise InputError(str(marks), "a marker was measured at one angle only, and contradicts the others")
     axis, shift = found.at, found.carried(every.places.shared)[:4]
     covariance = found.covariance[:4, :4] + shift @ shift.T
-    spread_mm2, apart = _drift(found)
-    covariance[:2, :2] += spread_mm2 / 12.0  # any time between first and last row is as likely
+    spread_mm2, apart = _drift(found, table.course)
+    covariance[:2, :2] += spread_mm2  # any time between first and last row is as likely
     by_scale = table.sway(axis) * (every.angle - every.angle[found.used].mean())[:, None]
     (scale,), ((variance,),) = found.tested(by_scale[..., None])
     scale_u = math.sqrt(variance)
@@ -272,13 +276,12 @@ def _as_noisy(table: _Turning) -> tuple[_Turning, Axis]:
     """The table with its angles' noise as stated or larger, and a drift, as the points ask; and a first fit."""
     sound = estimator.sound(table, table.begun())
     # asked for where angles err as stated: larger errors of a few would explain a drift as well
-    drift, covariance = sound.tested(table.time[:, None, None] * sound.at.frame[:2].T)
-    moves = drift @ np.linalg.solve(covariance, drift) > scipy.special.chdtri(2, CHANCE)
+    course = moving(sound, sound.at.frame[:2].T, table.marks.lines, angle_deg=table.marks.angle / DEG)
     angle = table.marks.angle - table.marks.angle.mean()
     scaled = (table.sway(sound.at) * angle[:, None])[..., None]  # angles of another scale are no noise
 
     def noisier(times: float) -> _Turning:
-        return _Turning(table.marks, table.angle_noise * times, FREE if moves else AT_REST)
+        return _Turning(table.marks, table.angle_noise * times, course)
 
     def likelihood(times: float) -> float:
         rows = noisier(times).rows(sound.at).beside(scaled, np.zeros(1), np.full(1, np.inf))
@@ -288,16 +291,16 @@ def _as_noisy(table: _Turning) -> tuple[_Turning, Axis]:
     return noisier(best if likelihood(best) > likelihood(1.0) + UNLIKELY else 1.0), sound.at
 
 
-def _drift(found: estimator.Fit[Axis]) -> tuple[Float, tuple[str, ...]]:
-    """Mean square (2, 2) of the drift across the axis from first row to last, and the warning; 0: by chance."""
+def _drift(found: estimator.Fit[Axis], course: Course) -> tuple[Float, tuple[str, ...]]:
+    """Mean square (2, 2) of the axis' way across itself, from halfway, and the warning; 0: by chance."""
     across = found.at.frame[:2]
     drift, covariance = across @ found.at.drift_mm, across @ found.covariance[4:7, 4:7] @ across.T
     if drift @ np.linalg.solve(covariance, drift) < scipy.special.chdtri(2, CHANCE):
         return np.zeros((2, 2)), ()
-    said = f"the markers drift by {np.hypot(*drift):.2f} mm across the axis from the first row to the last"
+    said = course.words.format(np.hypot(*drift), " across the axis")
     why = "the axis is that of halfway, and the uncertainties hold that"
-    return np.outer(drift, drift) + covariance, (
-        f"{said}: {why}; did base, table or what measures them move or warm up?",
+    return course.share * (np.outer(drift, drift) + covariance), (
+        f"the markers {said}: {why}; did base, table or what measures them move or warm up?",
     )
 
 

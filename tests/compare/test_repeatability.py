@@ -219,6 +219,23 @@ def test_one_study_has_one_unit(in_radians: list[str], settings: dict[str, Any],
         study(study=written(tmp_path, head + "\n".join(lines)), **settings)
 
 
+@pytest.mark.parametrize("slip", [1501.0, -1.5, 0.00151])
+def test_a_single_value_of_another_size_is_named(tmp_path: Path, slip: float) -> None:
+    """One in micrometres, or of the other sign, was a gauge's error: all studies with it passed as they were."""
+    cells = [(p, o, r) for p in range(3) for o in "AB" for r in (1, 2)]
+    sizes = {one: 1.5 + 0.02 * np.sin(7.0 * k) for k, one in enumerate(cells)}
+
+    def studied() -> Any:
+        return study(study=written(tmp_path, rows(*(f"P{p},{o},{r},1,{sizes[p, o, r]},0.01" for p, o, r in cells))))
+
+    assert studied().trials == 2
+    sizes[1, "B", 2] = 1.9  # an error of a gauge is one
+    assert studied().trials == 2
+    sizes[1, "B", 2] = slip
+    with pytest.raises(InputError, match=f"part 'P1', operator 'B', trial 2, section 1: root_mm is {slip:g}, of"):
+        studied()
+
+
 def test_any_characteristic_of_any_table(tmp_path: Path) -> None:
     """A plain table with columns of its own: the same numbers as the same values in this project's columns."""
     rng = np.random.default_rng(5)

@@ -24,6 +24,7 @@ from workbench.units import Float
 
 LEAST_VALUES = 4  # that are equal one by one: fewer may be by chance, rounded as gauges show them
 ALIKE = 0.2  # of a size, within which another one is the same in another unit
+USUAL, SLIP = 0.9, 12.0  # quantile of how far values lie from their part's median; times that: no gauge errs so
 APART_MM = 1.0  # sections of one number that lie farther apart measure different places
 Limits = tuple[float, float]
 
@@ -78,6 +79,22 @@ def refuse_copies(measured: Mapping[str, Float], parts: list[str], operators: li
                     f"{name}operator '{operators[b]}', trial {second + 1} repeats operator '{operators[a]}', trial "
                     f"{first + 1} figure by figure in all {seen} values: copied, or rounded too coarsely to differ?",
                 )
+
+
+def refuse_slips(measured: Mapping[str, Float], parts: list[str], operators: list[str], where: str) -> None:
+    """Refuse a single value of another size than its part, each characteristic (P, O, R, S): a slip of unit or sign."""
+    for name, values in measured.items():
+        seen = np.isfinite(values)
+        usual = np.array([np.median(one[at]) if at.any() else 0.0 for one, at in zip(values, seen, strict=True)])
+        off = np.where(seen, np.abs(values - usual[:, None, None, None]), 0.0)
+        apart_by = np.quantile(off, USUAL)
+        p, o, r, s = np.unravel_index(int(off.argmax()), off.shape)
+        if apart_by > 0.0 and off[p, o, r, s] > max(SLIP * apart_by, abs(usual[p]) / 2.0):
+            raise InputError(
+                where,
+                f"part '{parts[p]}', operator '{operators[o]}', trial {r + 1}, section {s + 1}: {name} is "
+                f"{values[p, o, r, s]:g}, of the part's others {usual[p]:.3g}: in another unit, or a slip?",
+            )
 
 
 def reference_of(
@@ -173,7 +190,8 @@ def study(
         unit: of characteristics without a unit in their names.
 
     Raises:
-        InputError: unreadable, unbalanced, fewer than two trials, trials that are copies, values in different units.
+        InputError: unreadable, unbalanced, fewer than two trials, trials that are copies, values in different units,
+            a single one of another size.
 
     Example:
         >>> from workbench import compare
@@ -214,7 +232,9 @@ def study(
         raise InputError(
             where, f"expected values of {', '.join(characteristics) or 'sizes such as root_mm'}, found none"
         )
-    refuse_copies({name: table[name] for name in names}, parts, operators, where)
+    measured = {name: table[name] for name in names}
+    refuse_copies(measured, parts, operators, where)
+    refuse_slips(measured, parts, operators, where)
     reference = reference_of(others, parts, sections, names)
     given: dict[str, Limits | None] = {"root_mm": root_limits_mm, "bevel_deg": bevel_limits_deg, **limits}
     made = Study(
@@ -223,7 +243,7 @@ def study(
         trials=len(next(iter(cells.values()))),
         section=sections,
         arc_length_mm=mean_of_seen(table["arc_length_mm"], (0, 1, 2)),
-        measured={name: table[name] for name in names},
+        measured=measured,
         stated_u={name: table[known[name]] for name in names},
         reference={name: value for name, (value, _) in reference.items()},
         reference_u={name: u for name, (_, u) in reference.items()},

@@ -94,7 +94,8 @@ def test_bad_arguments(command: Any, pipeline: Path, tmp_path: Path, arguments: 
 @pytest.mark.parametrize(
     ("shipped", "given", "found"),
     [
-        ("inspect_bevel", "bevel_nominal_deg=0.698", "greater than or equal to 20, got 0.698: in radians?"),
+        ("inspect_bevel", "bevel_nominal_deg=0.698", "greater than or equal to 15, got 0.698: in radians?"),
+        ("inspect_bevel", "bevel_nominal_deg=14", "greater than or equal to 15, got 14"),
         ("inspect_bevel", "temperature_c=293.15", "got 293.15: in kelvin?"),
         ("inspect_bevel", "root_tolerance_mm=[-0,3, 0,3]", "got [0, 3, 0, 3]: a decimal comma for a point?"),
         ("inspect_bevel", "sections=0", "expected greater than or equal to 1, got 0"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import operator
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -111,7 +112,7 @@ def _expected(entry: ErrorDetails, place: Place, model: type[BaseModel] | None) 
 
 
 MISTAKEN: dict[str, tuple[str, Callable[[float], float]]] = {  # by a name's unit: what else a number may be in
-    "deg": ("radians", lambda value: value / DEG),
+    "deg": ("radians", lambda value: value / DEG if abs(value) < math.tau else value),
     "c": ("kelvin", lambda value: value - 273.15),
     "mm": ("metres", lambda value: value * 1000.0),
 }

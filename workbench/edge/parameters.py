@@ -58,7 +58,10 @@ RootNominal: TypeAlias = Annotated[
     float, Field(gt=0, le=50, description="expected root face; only distinguishes the faces.")
 ]
 BevelNominal: TypeAlias = Annotated[
-    float, Field(ge=20, le=70, description="expected bevel angle; only distinguishes the faces.")
+    float,
+    Field(
+        ge=15, le=70, description="expected bevel angle (of less, both faces pass for one); only distinguishes them."
+    ),
 ]
 Limits: TypeAlias = Annotated[
     dict[str, Bound],

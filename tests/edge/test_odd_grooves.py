@@ -70,6 +70,13 @@ def test_a_lower_bevel_is_no_root_face(name: str, seed: int) -> None:
     assert np.nanmax(np.abs(gap.value - GAP) / gap.u) < 3.0
 
 
+def test_two_compound_plates_are_named() -> None:
+    """As no profile could be read, it ended in 'no groove?'."""
+    plate = side((4.5, 20.0), (THICK, 45.0))
+    with pytest.raises(InputError, match=r"found none: in .* a face above a steeper one: a compound bevel"):
+        measured(groove(0, (plate, mirrored(plate))))
+
+
 REFUSED = {"two bevel angles a side", "upper edges ground"}  # may be, as their views hide a face
 
 

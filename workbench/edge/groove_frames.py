@@ -35,6 +35,8 @@ LEAST_RETURNS = 50  # of a profile
 LEAST_FOR_TYPE = 150  # of most profiles, for a type: of 98, a fillet of 4 mm had seven, and a U was measured as an HV
 NEIGHBOURS, STEADY_SIGMAS, STEADY_MM = 31, 5.0, 0.3  # profiles; corners further off their running median are false
 LEAST_FACE = 0.34  # share of the profiles that show a face, for a plate to have it
+COMPOUND = "in {:.0f} % of the profiles a plate shows a face above a steeper one: a compound bevel, or one whose upper "
+COMPOUND += "edge is dressed?"
 FLUSH = 0.5  # of the depth: the level of one plate of a groove is off that of the other by less
 
 
@@ -87,9 +89,14 @@ def read_frames(cloud: Cloud) -> ReadFrames:
     seen = [read_profile(x, up * z) for x, z, _ in profiles]
     read = [one if one and is_read(one) else None for one in seen]
     both = [one for one in read if one is not None]
-    share = len(both) / max(len(frames), 1)
+    shown = [{side.kind for side in one} for one in seen if one]
+    share, unread, compound = (
+        count / max(len(frames), 1)
+        for count in (len(both), len(shown) - len(both), sum("compound" in one for one in shown))
+    )
     if not both:
-        raise InputError(cloud.source, "expected two plates with a groove between them, found none: no groove?")
+        why = COMPOUND.format(100.0 * compound) if compound else "no groove?"
+        raise InputError(cloud.source, f"expected two plates with a groove between them, found none: {why}")
     left, agree_left = _kind([one[0] for one in both])
     right, agree_right = _kind([one[1] for one in both])
     good = [k for k, one in enumerate(read) if one is not None and one[0].kind == left and one[1].kind == right]
@@ -97,9 +104,9 @@ def read_frames(cloud: Cloud) -> ReadFrames:
         raise InputError(
             cloud.source, f"no profile shows the plates as most do ({left} left, {right} right): no groove?"
         )
-    shown = [one for k in good if (one := read[k]) is not None]
-    corners = np.array([[*one[0].corner, *one[1].corner] for one in shown])
-    falls = np.nan_to_num([[one[0].fall, one[1].fall] for one in shown])
+    alike = [one for k in good if (one := read[k]) is not None]
+    corners = np.array([[*one[0].corner, *one[1].corner] for one in alike])
+    falls = np.nan_to_num([[one[0].fall, one[1].fall] for one in alike])
     same = (np.abs(falls - np.median(falls, axis=0)) < LEAST_FALL).all(axis=1)  # others are of a rounding, or a weld
     steady = same & _steady(corners, cloud.pass_index[[frames[k] for k in good]])
     good = [k for k, on in zip(good, steady, strict=True) if on]
@@ -120,8 +127,8 @@ def read_frames(cloud: Cloud) -> ReadFrames:
         (left, right),
         up,
         share,
-        sum(one is not None and not is_read(one) for one in seen) / max(len(frames), 1),
-        sum(one is not None and "compound" in (one[0].kind, one[1].kind) for one in seen) / max(len(frames), 1),
+        unread,
+        compound,
         min(agree_left, agree_right),
     )
 

@@ -17,7 +17,7 @@ from workbench.checks.window import hidden_columns_u
 from workbench.edge.column_errors import declared_linearity
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.extrapolated import name_extrapolated
-from workbench.edge.groove_frames import ReadFrames, axes, groove_curve, read_frames
+from workbench.edge.groove_frames import COMPOUND, ReadFrames, axes, groove_curve, read_frames
 from workbench.edge.groove_plates import plates
 from workbench.edge.groove_profile import JUMP_MM, Kind
 from workbench.edge.groove_root_end import BLUNTED
@@ -155,8 +155,6 @@ def _read_checks(read: ReadFrames, given: Mapping[str, Bound]) -> list[Check]:
     """That the profiles show two plates with one face each, and the same ones."""
     few = f"two plates with a groove between them were found in {100 * read.share:.0f} % of the profiles"
     few += f", in {100 * read.unread:.0f} % a face is too steep, low or curved to read" if read.unread else ""
-    two = f"in {100 * read.compound:.0f} % of the profiles a plate shows a face above a steeper one: a compound bevel, "
-    two += "or one whose upper edge is dressed?"
     agree = read.agreement * read.share / max(read.share + read.unread, 1e-9)
     mixed = (
         f"{100 * agree:.0f} % of the profiles agree on the faces of the plates, in {100 * read.unread:.0f} % a face is "
@@ -164,7 +162,7 @@ def _read_checks(read: ReadFrames, given: Mapping[str, Bound]) -> list[Check]:
     )
     return [
         check("found_share", read.share, f"{few}: no groove?", given=given),
-        check("groove_compound", read.compound, two, given=given),
+        check("groove_compound", read.compound, COMPOUND.format(100.0 * read.compound), given=given),
         check("agreement", agree, mixed, given=given),
     ]
 

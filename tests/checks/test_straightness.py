@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy
 
 from workbench.artefacts import BEVEL_FACE
 from workbench.checks.straightness import Straightness, _shape, straightness
@@ -75,7 +76,7 @@ def test_few_frames_or_columns_tell_nothing() -> None:
     assert [found(shape, columns=n).turn != 0.0 for n in (11, 20)] == [False, True]
 
 
-def test_noise_that_neighbouring_columns_share_makes_no_corner() -> None:
+def test_noise_that_neighbouring_columns_or_frames_share_makes_no_corner() -> None:
     rng, place = np.random.default_rng(1), (np.arange(12) + 0.5) / 12.0
     smooth = np.exp(-np.abs(np.subtract.outer(np.arange(12.0), np.arange(12.0))) / 3.0)
     for _ in range(200):
@@ -83,3 +84,9 @@ def test_noise_that_neighbouring_columns_share_makes_no_corner() -> None:
         assert _shape(place, noise, 1.2).turn == 0.0
     bent = noise + np.maximum(place - 0.6, 0.0) * 1.2 * np.tan(6.0 * DEG)
     assert _shape(place, bent, 1.2).turn == pytest.approx(6.0 * DEG, rel=0.2)
+
+    for seed in (4, 6, 9):  # rough by 0.15 mm, over 6 frames and a quarter of the width: each had one, of 4 deg
+        rough = scipy.ndimage.gaussian_filter(np.random.default_rng(seed).normal(size=(120, COLUMNS)), (6.0, 40.0))
+        rough *= 0.15 / rough.std()
+        assert found(rough, frames=120).turn == 0.0
+        assert found(rough + corner(12.0, 0.5), frames=120).turn != 0.0

@@ -23,6 +23,7 @@ NEXT = 2  # places at the least on each side of a corner
 BETTER = 2.5  # times what two straight pieces leave in squares: by how much less it is than what a parabola leaves
 SURE_BOW = 3.0  # standard uncertainties by which a bow is one
 SURE_CORNER = 6.0  # likewise a corner: 30 compound bevels have 35 and more, noise that columns share 4
+STRETCHES = 8  # along the edge, whose sums tell what a rough face leaves: there neighbouring frames are alike
 STRAY_SHARE = 0.02  # of its width, within which a face with a corner of up to 4.5 deg stays beside its line
 LEAST_MM = 3e-4  # rms of what is left: no sensor knows its own errors better
 ALONE = 45.0 * DEG  # turn of the corner beside a face of which it is not known: bevels have as much
@@ -95,7 +96,8 @@ def straight_checks(
 def _shape(place: Float, of_frames_mm: Float, width_mm: float) -> Straightness:
     """Bow and corner of what is left in f frames (f, k) of a face at places (k,), shares of its width.
 
-    Noise that neighbouring columns share makes smooth shapes too: frames tell by their scatter how large.
+    Noise that neighbouring columns share makes smooth shapes too: frames tell by their scatter how large; of a rough
+    face, stretches of the edge do.
     """
     left_mm = np.nanmedian(of_frames_mm, axis=0)
     line = np.linalg.qr(np.stack([np.ones_like(place), place], axis=1))[0]
@@ -110,7 +112,8 @@ def _shape(place: Float, of_frames_mm: Float, width_mm: float) -> Straightness:
     bowed = Straightness(width_mm, float(found[0]) / 4.0, float(u[0]) / 4.0)
     best = 1 + int(rest[1:].argmin())
     better = rest[0] - rest[best] >= BETTER * (rest[best] + len(place) * LEAST_MM**2)
-    if len(place) < TWO_PIECES - 2 or not better or abs(found[best]) <= SURE_CORNER * u[best]:
+    lasting = math.hypot(*(one.sum() for one in np.array_split(scattered[:, best], STRETCHES))) / len(scattered)
+    if len(place) < TWO_PIECES - 2 or not better or abs(found[best]) <= SURE_CORNER * max(u[best], lasting):
         return bowed
     return bowed._replace(turn=math.atan(found[best] / width_mm), at=float(ats[best - 1]))
 

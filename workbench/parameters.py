@@ -37,11 +37,12 @@ def check_parameters(model: type[BaseModel], given: Mapping[str, Any], where: st
     known = model.model_fields
     for key in given:
         if key not in known:
-            raise PipelineError(f"{where}.{key}", f"{model.__name__} has no such parameter{nearest(key, known)}")
+            raise PipelineError(f"{where}.{key}", f"no such parameter{nearest(key, known)}")
     try:
         checked = model.model_validate_json(json.dumps(dict(given), default=jsonable))
     except ValidationError as error:
-        raise complaint(error, given, where) from None
+        place, text = problems(error, given, model)[0]
+        raise PipelineError(path_of(place, where), text) from None
     except (TypeError, ValueError, RecursionError) as error:
         raise PipelineError(where, f"a parameter is not a JSON value: {error}") from None
     return {name: getattr(checked, name) for name in known}
@@ -59,12 +60,6 @@ def jsonable(value: Any) -> Any:
 
 
 Place = tuple[str | int, ...]
-
-
-def complaint(error: ValidationError, given: Mapping[str, Any], where: str) -> PipelineError:
-    """The first thing that pydantic found, as place and expectation."""
-    place, text = problems(error, given)[0]
-    return PipelineError(path_of(place, where), text)
 
 
 def path_of(place: Place, root: str = "$") -> str:
@@ -98,7 +93,8 @@ def _expected(entry: ErrorDetails, place: Place, model: type[BaseModel] | None) 
         return "is required, but missing"
     if entry["type"] == "extra_forbidden" and model is not None:
         return f"unknown key{nearest(str(place[-1]), _object_at(model, place[:-1]).model_fields)}"
-    text, value = entry["msg"].removeprefix("Value error, ").replace("Input should be", "expected"), entry["input"]
+    said = NAMES.get(entry.get("ctx", {}).get("pattern", ""), entry["msg"])
+    text, value = said.removeprefix("Value error, ").replace("Input should be", "expected"), entry["input"]
     if isinstance(value, Mapping) and entry["type"] == "value_error":
         return text  # says itself which of its values it is
     if "tolerance" in path_of(place) and isinstance(value, int | float):
@@ -115,6 +111,11 @@ MISTAKEN: dict[str, tuple[str, Callable[[float], float]]] = {  # by a name's uni
     "deg": ("radians", lambda value: value / DEG if abs(value) < math.tau else value),
     "c": ("kelvin", lambda value: value - 273.15),
     "mm": ("metres", lambda value: value * 1000.0),
+}
+NAME, INDEXED = r"^[A-Za-z][A-Za-z0-9_]{0,31}$", r"^[A-Za-z][A-Za-z0-9_]{0,31}(\[[0-9]{1,4}\])?$"  # of controllers
+NAMES = {
+    NAME: "expected a name of a letter (A to Z, a to z) and at most 31 letters, digits or _",
+    INDEXED: "expected a name of a letter (A to Z, a to z) and at most 31 letters, digits or _; or one with an [index]",
 }
 LENGTHS = {"too_long": ("max_length", "most"), "too_short": ("min_length", "least")}
 BOUNDS = {

@@ -113,6 +113,14 @@ REFUSED: list[tuple[str, Any, str]] = [
     ("uncertainty.tool_u_mm", 5e-5, "$.uncertainty.tool_u_mm"),
     ("process", {"home": {"joints_deg": [0.0, -0.35, 0.52, 0.0, 0.79, 0.0]}}, "home.joints_deg: expected degrees"),
     ("process", {"home": HOME, "feed": {"most_mm_s": 0.02}}, "$.process.feed.most_mm_s"),
+    ("tool.mas_kg", 32, "$.tool.mas_kg: unknown key; did you mean 'mass_kg'?"),
+    ("fixtures.0.onn", "base", "$.fixtures[0].onn: unknown key; did you mean 'on'?"),
+    ("fixture", [], "$.fixture: no such parameter; did you mean 'fixtures'?"),
+    (
+        "process.spindle.on_signal",
+        "do Spindle",
+        "on_signal: expected a name of a letter (A to Z, a to z) and at most 31",
+    ),
 ]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -117,7 +117,7 @@ def surface(
 def mesh(
     *,
     mesh: InputFile,
-    unit: Annotated[str, Field(pattern="^(mm|m|inch)$")] = "mm",
+    unit: Literal["mm", "m", "inch"] = "mm",
     base_from_mesh: list[list[float]] | None = None,
 ) -> Surface:
     """Read a triangle mesh to compare with: a CAD model, or another program's surface.

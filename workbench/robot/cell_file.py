@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from workbench.geometry.poses import is_rigid, pose_from, rotation_from_quaternion
+from workbench.parameters import INDEXED, NAME
 from workbench.robot.makers import Make
 from workbench.robot.wrist import Side, refuse_contradiction
 from workbench.units import Float
@@ -327,10 +328,8 @@ class ControllerPart(_Part):
     )
 
 
-Word = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$")]  # a name that a controller knows
-Place = Annotated[
-    str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}(\[[0-9]{1,4}\])?$")
-]  # likewise; PR[1] of FANUC, P010 of Yaskawa
+Word = Annotated[str, Field(pattern=NAME)]  # a name that a controller knows
+Place = Annotated[str, Field(pattern=INDEXED)]  # likewise; PR[1] of FANUC, P010 of Yaskawa
 
 
 def _signal(value: object) -> object:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import pytest
 
@@ -138,11 +140,17 @@ def test_lands_beside_an_open_gap_are_named() -> None:
     assert not any("joins their faces" in one for one in found.warnings)
 
 
-def test_of_uneven_root_faces_each_ends_where_it_is_seen_to() -> None:
+@pytest.mark.parametrize(("root", "given", "most_u"), [(1.0, "auto", 0.04), (0.5, "auto", 0.3), (0.5, "Y", 0.04)])
+def test_of_uneven_root_faces_each_ends_where_it_is_seen_to(
+    root: float, given: Literal["auto", "Y"], most_u: float
+) -> None:
     """The upper one was put midway to the other's depth, as if in a shadow: the gap 0.15 mm too small, at u 0.09."""
-    gap = measured(groove(0, (side((THICK, 30.0), root=1.0), PLAIN))).sizes["gap_mm"]
+    part = groove(0, (side((THICK, 30.0), root=root), PLAIN))
+    found = segment_groove(denoise(fuse(part.recording)), groove=given)
+    gap = found.sizes["gap_mm"]
     assert np.nanmax(np.abs(gap.value - GAP)) < 0.04
-    assert np.nanmax(gap.u) < 0.04
+    assert np.nanmax(gap.u) < most_u
+    assert any("known bluntly" in one for one in found.warnings) == (most_u > 0.1)
 
 
 def test_roots_that_wind_along_the_edge_are_no_lost_returns() -> None:

@@ -128,6 +128,7 @@ class GrooveSizes:
         self.sizes: dict[str, Quantity] = {}
         self.corners: dict[str, Corner] = {}
         self.root_face_seen = self.root_face_excluded = False
+        self.hides_beneath = False  # whether a steeper face below the upper root may be hidden, which is in u
         self.shadowed = False  # whether one root lies in the other plate's shadow
         self.high = 0.0  # mm by which the right root's upper edge lies above the left one's
         self.uneven = math.nan  # that, over the greater depth; NaN: one plate is not prepared, or a root not seen
@@ -339,7 +340,8 @@ class GrooveSizes:
                 self._withhold("gap_mm")
         elif doubtful and not any(end.unlit for end in ends.values()):
             beneath = self._beneath()
-            if any(beneath):
+            self.hides_beneath = any(beneath)
+            if self.hides_beneath:
                 self._hidden("depth_mm", beneath[0])
                 self._hidden("gap_mm", beneath[1])
         falls = [typical(one.fall) for one in self.plates if one.kind in ("bevel", "round")]

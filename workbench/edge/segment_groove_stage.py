@@ -43,6 +43,10 @@ LANDS = (
     "below the bevels the profile goes on level, but {:.1f} mm of it return nothing: lands beside an open gap, or a "
 )
 LANDS += "weld or a backing strip that is dark there; gap and depth are not told"
+BENEATH = (
+    "one root begins less deep than the other: below it the view may hide a steeper face, down to the other's level, "
+)
+BENEATH += "so that gap and depth are known bluntly: give `groove`"
 COVERED = "what lies between the plates joins their faces, a weld or a backing strip: where these end is not told"
 CUT = "in {:.0f} % of the profiles a plate ends beside a column that hardly ever returns, over which it moves: blind "
 CUT += "columns, or the sensor's window, end what is seen; where these sizes end there is not told"
@@ -225,6 +229,8 @@ def _alike(type_: GrooveType, alternatives: tuple[GrooveType, ...], declared: bo
 
 
 def _hidden(measured: GrooveSizes, declared: bool) -> tuple[str, ...]:
+    if measured.hides_beneath:
+        return (BENEATH,)
     if declared or not measured.hides_bevels:
         return ()
     deg = f"{measured.hidden_deg:.0f} deg"

@@ -18,9 +18,9 @@ from workbench.api import Document, InputError, Recording, inverse
 from workbench.plugins.calibration import circles, hand_eye, hand_eye_faces
 
 
-def by_sphere(seed: int) -> Recording:
+def by_sphere(seed: int, count: int = 12) -> Recording:
     rng = np.random.default_rng(seed)
-    return spheres.recording(rng, spheres.cell(rng, *spheres.postures(rng, 12)), spheres.off_design(rng, 5.0, 10.0))
+    return spheres.recording(rng, spheres.cell(rng, *spheres.postures(rng, count)), spheres.off_design(rng, 5.0, 10.0))
 
 
 def by_edge(seed: int) -> Recording:
@@ -73,6 +73,18 @@ CASES += seldom((by_edge, next(iter(POSES))))
 def test_a_mistake_in_the_poses_is_the_refusals_suspicion(made: Any, words: str) -> None:
     with pytest.raises(InputError, match=rf"^\S+: /robot: no hand-eye pose explains .*suspicion: .*{words}"):
         found(of_poses(POSES[words])(made(21)))
+
+
+def test_few_postures_that_fit_badly_are_suspected_too() -> None:
+    """Eight inverted poses fit at a few times the noise: the postures were blamed."""
+    with pytest.raises(InputError, match=r"the residuals ask for .*; suspicion: the poses are inverted"):
+        found(of_poses(POSES["the poses are inverted"])(by_sphere(21, 8)))
+
+
+def test_a_diameter_that_is_twice_the_sphere_s_is_suspected() -> None:
+    made = by_sphere(21)
+    with pytest.raises(InputError, match=r"suspicion: another sphere: all circles are within 9\.5 mm, stated .* 20 mm"):
+        found(replace(made, sphere_diameter_mm=20.0))
 
 
 @pytest.mark.parametrize("made", [by_sphere, by_edge])

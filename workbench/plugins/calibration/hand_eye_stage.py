@@ -133,7 +133,7 @@ def hand_eye(
     if method != "bundle":
         found = _by_method(method, answer, recording.flange_from_profiler, seed, where)
     answer = replace(answer, found=found)
-    check_determined(answer, Demand(view, max_u_mm, where))
+    check_determined(answer, Demand(view, max_u_mm, where), recording.flange_from_profiler)
     verdict = serves(
         found.covariance[:6, :6],
         found.estimate.rotation,

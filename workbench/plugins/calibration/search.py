@@ -229,8 +229,17 @@ def _refuse_unexplained(
     left = off(fits[0]) if fits else np.inf
     if fits and (fits[0].freedom < estimator.LEAST_FREEDOM or left <= UNUSUAL / 2.0):
         return
-    flange = target.flange.at(target.pose(fits[0].at).offset_s if fits else 0.0)
+    mistake = suspicion(target, target.pose(fits[0].at).offset_s if fits else 0.0, design, min(UNUSUAL, left / 4.0))
+    if not mistake and left <= UNUSUAL:
+        return
+    said = f"suspicion: {mistake}" if mistake else ask
+    found = f"the best leaves {left:.0f} times the noise" if fits else "every one runs away"
+    raise InputError(where, f"no hand-eye pose explains the profiles: {found}; {said}")
 
+
+def suspicion(target: Target[S], offset_s: float, design: Float | None, most: float) -> str:
+    """The mistake in the flange's poses without which profiles lie at most so many times the noise off; empty: none."""
+    flange = target.flange.at(offset_s)
     turns = Rotation.create_group("I").as_matrix() if design is None else design[None, :3, :3]
 
     def begin(poses: Float) -> tuple[float, Fitted]:
@@ -243,9 +252,4 @@ def _refuse_unexplained(
 
         return begun[0][0], misfit
 
-    found = f"the best leaves {left:.0f} times the noise" if fits else "every one runs away"
-    mistake = suspected(flange.base_from_flange, begin, min(UNUSUAL, left / 4.0))
-    if not mistake and left <= UNUSUAL:
-        return
-    said = f"suspicion: {mistake}" if mistake else ask
-    raise InputError(where, f"no hand-eye pose explains the profiles: {found}; {said}")
+    return suspected(flange.base_from_flange, begin, most)

@@ -11,12 +11,13 @@ from workbench.api import Float, estimator
 from workbench.plugins.calibration.determinacy import Demand, check_postures
 from workbench.plugins.calibration.model import LEAST_MM, Estimate, Noise, Sphere, View
 from workbench.plugins.calibration.observations import Observations
-from workbench.plugins.calibration.search import located, undetermined
+from workbench.plugins.calibration.search import located, off, suspicion, undetermined
 from workbench.plugins.calibration.shared_errors import Settled, settled
 
 SURE = 2e-3  # probability, two-sided, below which a stated radius or scale is contradicted: freeing one costs little
 NOTED = 1.5  # over the stated noise: then it is the noise, not the postures, that a refusal speaks of
 NO_SUCH = "expected poses of the flange in the base, one sphere that does not move, and a right-handed profiler frame"
+SMALLER = 0.6  # of a sphere's stated diameter, over the largest circle: 0.8 of the radius beside the plane always
 OTHER_SIDE = (
     "they do not tell on which side of the laser plane the sphere's centre lies; add postures, with the sphere on both "
     "sides of the plane"
@@ -66,15 +67,20 @@ def solve(
     check_postures(seen.here, where, "sphere")
     x, z = seen.circle[:, :2].mean(axis=0).tolist()
     sphere, demand = Sphere(seen, noise), Demand(view or View((x, z), LEAST_MM), limit_mm, where)
-    best, alone = located(sphere, design, demand, NO_SUCH, OTHER_SIDE)
+    largest, stated = 2.0 * np.sqrt(seen.circle[:, 2].max()), 2.0 * noise.radius_mm
+    ask = f"suspicion: another sphere: all circles are within {largest:.3g} mm, stated is a diameter of {stated:g} mm"
+    best, alone = located(sphere, design, demand, ask if largest < SMALLER * stated else NO_SUCH, OTHER_SIDE)
     answer = _freed(Answer(settled(best, sphere), sphere, best, alone))
     if judged:
-        check_determined(answer, demand)
+        check_determined(answer, demand, design)
     return answer
 
 
-def check_determined(answer: Answer, demand: Demand) -> None:
-    """Refuse an answer that leaves a point of the field, or the clock's offset, more uncertain than is demanded."""
+def check_determined(answer: Answer, demand: Demand, design: Float | None) -> None:
+    """Refuse an answer that leaves a point of the field, or the clock's offset, more uncertain than is demanded.
+
+    With the mistake in the poses, begun at the design's, that would explain residuals larger than noise.
+    """
     found, sphere, why = answer.found, answer.sphere, ""
     if found.noise.pose_mm >= NOTED * sphere.noise.pose_mm:  # it is the noise, not the postures
         why = (
@@ -82,7 +88,10 @@ def check_determined(answer: Answer, demand: Demand) -> None:
             f"{sphere.noise.pose_mm:g} mm"
         )
     used = Sphere(sphere.seen.subset(found.used), found.noise)
-    demand.refuse(undetermined(used, found.estimate, found.covariance, demand, why=why))
+    said = undetermined(used, found.estimate, found.covariance, demand, why=why)
+    if said and why and (mistake := suspicion(sphere, found.estimate.offset_s, design, off(answer.stated) / 2.0)):
+        said = f"{said}; suspicion: {mistake}"
+    demand.refuse(said)
 
 
 def _freed(answer: Answer) -> Answer:

@@ -184,3 +184,19 @@ def test_a_raw_edge_in_scan_order_is_that_of_its_grid(scanned):
     assert [check.name for check in edge.checks] == names
     with pytest.raises(InputError, match="order of scan lines"):
         segment_cloud(points, upper_side=up, use_order=False)
+
+
+@pytest.mark.parametrize("strip_mm", [0.55, 0.8, 1.05])
+def test_a_strip_of_the_upper_surface_is_no_root_face(strip_mm: float):
+    """Of a plate cut off behind its bevel; read as the root face: 0.53 mm and 50 deg, 35 u off, `fail`."""
+    rng = np.random.default_rng(4)
+    along, on = np.meshgrid(np.arange(0.0, 60.0, 0.26), np.arange(0.0, 4.5 + strip_mm, 0.05))
+    lean, up = np.radians(40.0), np.clip(on - 1.5, 0.0, 3.0)
+    flat = np.maximum(on - 4.5, 0.0)
+    points = np.stack([along, up * np.sin(lean) + flat, np.minimum(on, 1.5) + up * np.cos(lean)], axis=-1)
+    points = points + rng.normal(0.0, 0.008, points.shape)
+    edge = segment_cloud(PointSet(points.reshape(-1, 3), "a.ply"))[1]
+    found = sections(edge)
+    assert (np.abs(values(found, "root_mm") - 1.5) < 3 * values(found, "root_u_mm")).all()
+    assert (np.abs(values(found, "bevel_deg") - 40.0) < 3 * values(found, "bevel_u_deg")).all()
+    assert any(one.name == "told_by_nominal" for one in edge.unseen)

@@ -29,6 +29,7 @@ GHOST_MM, SAME_MM, SAME_ANGLE = 1.0, 0.1, 4.0 * DEG  # a face goes on beyond ret
 # Of what a plate lies on: angle to the upper surface, and what the view may show beyond it.
 TABLE_ANGLE = 3.0 * DEG
 SURFACE_MM = 1.0  # of an upper or lower surface, in view
+WIDER = 1.5  # times the nominal root face: no wider, it may as well be that face, and says nothing
 CUT_OFF = 4.0  # what it costs that the field of view cuts the root face off: its width then says nothing
 
 
@@ -175,7 +176,8 @@ def _read(
     root_end = r[X1] if side > 0 else r[X0]
     if upper is not None:
         if _off(convex(chain[upper], b), math.pi / 2 - angle) < 4.5:
-            upper_row, score = chain[upper], score - CONTEXT
+            upper_row, wide = chain[upper], width_mm(chain[upper]) > WIDER * root_nominal_mm
+            score -= CONTEXT if wide else 0.0
         elif convex(chain[upper], b) > 0:
             score += CONTEXT
     if lower is not None:

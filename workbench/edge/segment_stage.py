@@ -26,6 +26,7 @@ from workbench.edge.certified import certified, certified_linearity
 from workbench.edge.column_errors import ColumnErrors, Linearity, declared_linearity, notes_of, without_column_errors
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.faces import TrackedFaces, find_faces
+from workbench.edge.identify import CONTEXT
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.lower_fillet import LIT_COLUMNS, lower_fillet
 from workbench.edge.measure import LEAST_WEIGHT, UNDETERMINED, Measured, face_turns, measure_edge
@@ -154,7 +155,7 @@ def segment(
         edge = milled_edge(cloud, tracked, measured, rounding, declared, checks)
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
-    doubts = [] if context.upper_seen or context.lower_seen else [BY_NOMINAL]
+    doubts = [] if (context.upper_seen or context.lower_seen) and context.readings_apart > CONTEXT else [BY_NOMINAL]
     doubts += [BY_TABLE] if context.lies_on else []
     ends = root_end_check(cloud, tracked)
     doubts += by_window(ends)

@@ -30,8 +30,8 @@ DISAGREES = 3.0  # standard uncertainties
 
 BY_NOMINAL = Unseen(
     "told_by_nominal",
-    "That the faces are root face and bevel face, and not bevel face and upper surface: neither the upper nor the "
-    "lower surface is in view, so that their nominal sizes alone tell.",
+    "That the faces are root face and bevel face, and not bevel face and upper surface: no more than a strip of the "
+    "upper and of the lower surface is in view, so that nominal sizes alone tell.",
     is_doubt=True,
 )
 BY_TABLE = Unseen(

@@ -26,8 +26,8 @@ from workbench.edge.certified import certified, certified_linearity
 from workbench.edge.column_errors import ColumnErrors, Linearity, declared_linearity, notes_of, without_column_errors
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.faces import TrackedFaces, find_faces
-from workbench.edge.identify import CONTEXT
 from workbench.edge.groove_frames import two_plates_share
+from workbench.edge.identify import CONTEXT
 from workbench.edge.lower_fillet import LIT_COLUMNS, lower_fillet
 from workbench.edge.measure import LEAST_WEIGHT, UNDETERMINED, Measured, face_turns, measure_edge
 from workbench.edge.on_table import under_u_mm

@@ -137,7 +137,7 @@ def refuse_other_units(study: Study, reference_operator: str, where: str) -> Non
         (first, usual), *others = ((who, float(mean_of_seen(np.abs(one), None))) for who, one in samples.items())
         for who, size in others:
             small, large = sorted((usual, size))
-            if abs(converted(small) - large) < ALIKE * large:
+            if abs(converted(small) - large) < ALIKE * large and converted(small) != small:
                 what = f"{name} is {size:.3g} by {who}, {usual:.3g} by {first}: one of them in {mistaken}?"
                 raise InputError(where, f"expected one unit: {what}")
 

@@ -30,6 +30,9 @@ LEAST_RETURNS, MOSTLY, FAR = 6, 0.5, 4.0  # of a face in a frame; share of frame
 PLACES, PARTS = 96, 6  # of a face, columns side by side are one; parts of a pass, each with a form of its own
 LIKE_PRIOR = 1.5  # mean square of errors over their process's: real ones have 0.5 to 0.9, what a form undoes 4
 SMOOTH, MOVES = 15, 2  # frames that tell where a face ends; columns by which both ends move, or nothing is told
+CHANGES = (
+    3.0  # frames whose residuals count as one: the form of a rough face changes within its part, others have 1 to 2
+)
 FORM, BENT_MM = 3.0, 0.0005  # standard deviation of a place of a face, in those of its returns; of a frame's bow
 # Share of the sensors that err so: small, since no model of a face's form is quite as free as faces are, and what does
 # not show is none. How strongly, mm, the rarer beyond what good ones do; over how many columns alike.
@@ -139,7 +142,7 @@ def _side_by_side(x: Float32, off: Float, on: Bool, wide: int) -> tuple[Float32,
     begins = np.arange(0, on.shape[1], wide)
     count = np.add.reduceat(on, begins, axis=1, dtype=np.int64)
     means = [np.add.reduceat(np.where(on, one, 0.0), begins, axis=1) / count.clip(1) for one in (x, off)]
-    return means[0], means[1], count > MOSTLY * wide
+    return means[0], means[1], count > MOSTLY * np.diff(begins, append=on.shape[1])
 
 
 class _NormalEquations(NamedTuple):
@@ -182,7 +185,10 @@ def _normal_equations(x: Float32, off: Float, on: Bool, begins: Int, sensor: Lin
         at = [node[column]]
         at += [nodes + k * PLACES + one.clip(0, PLACES - 1) for k, one in enumerate(beyond)]
         left = _residuals(off[begin:end], mine, at[1] - nodes)
-        weight = 1.0 / (columns * _together(left.T) * (float((left[mine] ** 2).mean()) + LEAST_MM**2))
+        frames = _together(left.T)
+        if frames > CHANGES:
+            continue
+        weight = 1.0 / (columns * frames * (float((left[mine] ** 2).mean()) + LEAST_MM**2))
         full, pull = _normal(frame, at, nodes + 2 * PLACES, x[begin:end][mine], off[begin:end][mine], weight)
         free = weight * full[form, form] + np.eye(2 * PLACES) / (FORM**2 * variance)
         gain = weight * np.linalg.solve(free, full[form, of]).T

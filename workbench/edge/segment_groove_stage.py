@@ -146,7 +146,7 @@ def segment_groove(
         warnings=(
             *_alike(type_, alternatives, declared),
             *_hidden(measured, declared),
-            *(measured.shadowed * (SHADOW,)),
+            *((SHADOW,) if measured.shadowed else ()),
             *notes,
             *taken_off,
             *_covered(typical(np.array([one.parted_mm for one in measured.plates]))),
@@ -240,7 +240,9 @@ def _hidden(measured: GrooveSizes, declared: bool) -> tuple[str, ...]:
 
 
 def _covered(parted_mm: float) -> tuple[str, ...]:
-    return math.isfinite(parted_mm) * (LANDS.format(parted_mm) if parted_mm > JUMP_MM else COVERED,)
+    if math.isnan(parted_mm):
+        return ()
+    return (LANDS.format(parted_mm) if parted_mm > JUMP_MM else COVERED,)
 
 
 def possible_types(kinds: tuple[Kind, Kind], root_face: bool, no_root_face: bool) -> tuple[GrooveType, ...]:

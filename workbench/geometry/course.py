@@ -37,7 +37,6 @@ ALL_ALIKE = 1e-12  # of the strongest: what differences of passes do not tell, t
 MEETING, SURE_STEP = 6, 4.0
 AGREED = 2.0  # times the usual difference of neighbours: values that leave the course by it together are no strays
 LEAST_VALUES = 5  # of a pass that is judged, or may lie beside the others, by itself
-OUTGROWN = 10.0  # misfit from which the stiffness told without an edge's ends is not the stiffness with them
 READMITTED = 5  # times at most that outliers are told again, by the course that was fitted without them
 CHANCE = 2.0  # standard deviations by which two passes differ where nothing is wrong
 LEAST_OWN = 0.01  # of what neighbours differ, that they do not share
@@ -170,15 +169,15 @@ def fit_course(
     bins = _means(values, kept)
     course = _fit(values, bins, stated, orders, stiffness, unseen, bin_mm, shared)
     for _ in range(READMITTED):  # what leaves the course itself, not the first look at it, is an outlier
-        before, kept = kept, _near(course, values, kept)
+        before, kept, held = kept, _near(course, values, kept), True
         if orders[0] > 1:
-            kept |= _ends_of(values, kept)
+            ends = _ends_of(values, kept)
+            kept |= ends
+            held = not (ends & ~before).any()  # a stiffness told without the ends is not that with them
         if (kept == before).all():
             break
         bins = _means(values, kept)
-        course = _fit(values, bins, stated, orders, course.stiffness, unseen, bin_mm, shared)
-        if orders[0] > 1 and course.misfit > OUTGROWN:
-            course = _fit(values, bins, stated, orders, None, unseen, bin_mm, shared)
+        course = _fit(values, bins, stated, orders, course.stiffness if held else None, unseen, bin_mm, shared)
     course = _or_rough(course, values, bins, stated, orders, unseen, shared)
     if shared.may_step:
         course = replace(course, step_u=_step_u(values, bins, stated, orders, shared))

@@ -10,9 +10,11 @@ from workbench.edge.end_templates import (
     PRIORS,
     Depths,
     EndView,
+    Pixels,
     end_phases,
     end_templates,
     free_depths,
+    possible_pixels,
     rendered_end,
     seen_end,
 )
@@ -27,10 +29,10 @@ def test_the_last_pixel_of_a_chamfer_gets_as_much_light_as_it_needs(height_mm: f
     """Summed over what it sees: the chamfer's share by Lambert's law, beyond it the face's."""
     known = Depths(np.zeros(5), np.eye(5), np.zeros((5, 5)))
     edges = COLUMN_MM * np.arange(6.0)
-    view = EndView(known, edges, LEAN, COLUMN_MM, end_phases(True), 0.0, 0.0, fills=np.array([[FILL, 1.0]]))
-    pixel = np.flatnonzero((np.abs(view.pixels[0] - [1.0, FILL, 0.0]) < 1e-9).all(axis=1))  # a column wide
+    wide = Pixels(np.array([[1.0, FILL, 0.0]]), np.zeros(1, np.int64), np.ones(1))
+    view = EndView(known, edges, LEAN, COLUMN_MM, end_phases(True), 0.0, 0.0, wide)
     one, first = np.ones(1), np.zeros(1, np.int64)
-    _, _, past = rendered_end(view, height_mm * one, TURN * one, 85.0 * DEG * one, pixel, first, 0.0 * one)
+    _, _, past = rendered_end(view, height_mm * one, TURN * one, 85.0 * DEG * one, first, 0.0 * one)
     chamfer_mm = height_mm * (1.0 - np.tan(TURN) * np.tan(LEAN))
     within_mm = (np.arange(10_000) + 0.5) / 10_000 * COLUMN_MM - 0.5 * COLUMN_MM
     before_end = within_mm - past[0]
@@ -42,10 +44,11 @@ def test_a_pixel_that_weighs_by_light_sees_less_of_a_rounding_and_a_nearer_end()
     """Lambert's law, by sums over what the last pixel sees."""
     radius, most = 0.15, 80.0 * DEG
     known = Depths(np.zeros(5), np.eye(5), np.zeros((5, 5)))
-    view = EndView(known, COLUMN_MM * np.arange(6.0), LEAN, COLUMN_MM, end_phases(False), 0.0, 0.0)
-    of = np.array([np.flatnonzero((np.abs(view.pixels[0] - [1.0, 0.3, law]) < 1e-9).all(axis=1))[0] for law in (0, 1)])
-    both, none = np.ones(2), np.zeros(2, np.int64)
-    depth, _, past = rendered_end(view, radius * both, 0.0 * both, most * both, of, none, 0.0 * both)
+    pixels = Pixels(np.array([[1.0, 0.3, 0.0], [1.0, 0.3, 1.0]]), np.zeros(2, np.int64), np.full(2, 0.5))
+    view = EndView(known, COLUMN_MM * np.arange(6.0), LEAN, COLUMN_MM, end_phases(False), 0.0, 0.0, pixels)
+    of = np.arange(2)
+    both = np.ones(2)
+    depth, _, past = rendered_end(view, radius * both, 0.0 * both, most * both, of, 0.0 * both)
     turn_at = np.linspace(0.0, most - LEAN, 20_001)
     place = radius * (np.sin(turn_at) - (1.0 - np.cos(turn_at)) * np.tan(LEAN))
     light = np.cos(LEAN + turn_at) / np.cos(LEAN)
@@ -61,7 +64,8 @@ def test_a_small_offset_of_the_last_returns_proves_no_rounding(offset_mm: float)
     edges = 0.018 * end_groups(110.0)
     depth = np.where(np.arange(edges.size - 1) < 9, offset_mm, 0.0)
     known = Depths(depth, 0.0005**2 * np.eye(depth.size), free_depths(edges))
-    view = EndView(known, edges, 48.0 * DEG, 0.018, end_phases(False), 0.0, 0.0)
+    phases = end_phases(False)
+    view = EndView(known, edges, 48.0 * DEG, 0.018, phases, 0.0, 0.0, possible_pixels(len(phases)))
     templates = end_templates(PRIORS["unknown"])
     log = templates.log_prior[:, None] + together_log([seen_end(view, templates)])
     assert shares(log.ravel()).reshape(log.shape).sum(axis=1)[templates.size_mm > 0.3].sum() < 0.02

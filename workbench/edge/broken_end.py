@@ -20,6 +20,7 @@ from workbench.checks.window import hidden_columns_u
 from workbench.edge.end_templates import (
     ALL_RETURN,
     ALONE,
+    ANY_FOOTPRINT,
     FILLS,
     FOOTPRINTS,
     INCIDENCE_PRIOR,
@@ -33,10 +34,12 @@ from workbench.edge.end_templates import (
     EdgeCondition,
     EndTemplates,
     EndView,
+    Pixels,
     SeenEnd,
     end_phases,
     end_templates,
     free_depths,
+    possible_pixels,
     reaches,
     seen_end,
 )
@@ -64,6 +67,7 @@ FAR = 4.5  # times the median distance from the median: three standard deviation
 STEADY = 0.2 * DEG  # sway of the view by which the returns of a break go on by some micrometres more or less
 USUALLY_WITHIN = 0.3  # of the logarithm of a break's size along an edge
 UNLIKELY = 1e-3  # share of templates that are not cut finer
+NEGLIGIBLE = 2e-4  # share of pixels that the finer templates are not seen by
 # What footprints cut off a corner: share of it by which it may be off; the same in columns times the fold; corners that
 # are worn; and columns beside a corner.
 CUT_SPREAD, CUT_U, WORN, AROUND = 0.7, 0.015, 0.03, 8.0
@@ -144,7 +148,7 @@ class BrokenEnd:
         Source: eq. (12c) of docs/method.md.
         """
         none = np.zeros(self.share.shape)
-        nothing = SeenEnd(none, none, none, none[..., None], 0.0)
+        nothing = SeenEnd(none, none, none, none[..., None], none[..., None], 0.0)
         views = [((pass_index == p) & ~is_corner, seen) for p, seen in self.seen.items()]
         views += [((pass_index == p) & is_corner, nothing) for p in np.unique(pass_index[is_corner])]
         end_mm = end_mm + self.own_mm
@@ -250,6 +254,7 @@ def broken_end(
         templates = templates.finer(
             share.sum(axis=1) > UNLIKELY, math.log(prior.most_mm / prior.least_mm) / (SIZES - 1)
         )
+        views = [view._replace(pixels=_likely(view, one, share)) for view, one in zip(views, seen, strict=True)]
         seen, likelihood, share = _posterior(views, templates, corner)
     possible, of_size = np.isfinite(templates.log_prior[1:]), share.sum(axis=1)
     proven = bool(likelihood[1:][possible].max() - likelihood[0] > PROOF)
@@ -279,6 +284,11 @@ def _posterior(
     log = by_corner[:, None] + together_log(seen)
     share = shares((templates.log_prior[:, None] + log).ravel())
     return seen, np.logaddexp.reduce(log, axis=1), share.reshape(log.shape)
+
+
+def _likely(view: EndView, seen: SeenEnd, share: Float) -> Pixels:
+    """The pixels that a pass leaves possible, by the shares of the templates (t, i)."""
+    return view.pixels.of(np.tensordot(share, seen.pixel) > NEGLIGIBLE)
 
 
 def together_log(seen: Sequence[SeenEnd]) -> Float:
@@ -395,7 +405,7 @@ def _footprints(cloud: Cloud, rim: FaceRim, here: Bool) -> Float:
     cut = np.where(half > 0.5, (wide**3 - (wide - 0.5) ** 3) / (6.0 * wide), half**2 / 6.0)
     log = np.zeros(half.size)
     if rim.adjacent is None:
-        return np.full(half.size, 1.0 / half.size)
+        return ANY_FOOTPRINT
     for one in np.unique(cloud.pass_index[here]):
         blunt, u = _bluntness(cloud, rim, rim.adjacent, here & (cloud.pass_index == one))
         spread = np.hypot(u, CUT_SPREAD * cut)
@@ -440,7 +450,9 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool, footprints: Float) -> tuple[En
         slope = float(np.median(_recession(rim, frames))) if frames.size else 1.0
         edges = np.arange(LEAST_GROUPS + 1.0) * step
         unknown = _nothing_known(LEAST_GROUPS)
-        view = EndView(unknown, edges, math.atan(slope), step, end_phases(True), 0.0, 0.0, footprints)
+        phases = end_phases(True)
+        pixels = possible_pixels(len(phases), footprints)
+        view = EndView(unknown, edges, math.atan(slope), step, phases, 0.0, 0.0, pixels)
         return view, EndFrames(frames[:0], np.zeros(0), np.zeros((0, LEAST_GROUPS)), edges)
     step = float(np.median(rim.step_mm[frames]))
     slopes = face.slope[frames]
@@ -475,9 +487,10 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool, footprints: Float) -> tuple[En
     if not rim.on_line:  # a return under the line lies that much farther along the face
         further -= float(np.nanmean(last[alike, 1])) * slope / step
     moving = moved > STILL
-    fills, lean = _fills(cloud, rim, frames, moving), math.atan(slope)
+    phases, lean = end_phases(moving), math.atan(slope)
+    pixels = possible_pixels(len(phases), footprints, _fills(cloud, rim, frames, moving))
     incidences = _incidences(cloud, rim, frames, lean)
-    view = EndView(known, edges * step, lean, step, end_phases(moving), further, usual, footprints, fills, incidences)
+    view = EndView(known, edges * step, lean, step, phases, further, usual, pixels, incidences)
     singly = usual_frames if is_shown else usual_frames[:0]
     return view, EndFrames(frames[singly], last[singly, 0] * step, depth[: singly.size], edges * step)
 

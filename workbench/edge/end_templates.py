@@ -47,6 +47,8 @@ FOOTPRINTS = np.array([0.0, 0.5, 0.75, 1.0, 1.5, 2.0, 2.6])  # columns that a pi
 # light mostly loses columns all over a face, by speckle; but what lies behind the end may take any pixel that sees it.
 FILLS = np.arange(0.1, 1.0, 0.2)
 ALONE = (FILLS < 0.6) / 3.0  # their shares where nothing behind the end may take a pixel
+ANY_FOOTPRINT = np.full(FOOTPRINTS.size, 1.0 / FOOTPRINTS.size)  # shares
+ANY_FILL = np.stack([FILLS, ALONE], axis=1)[ALONE > 0.0]
 # Columns of the lower surface that return beyond its edge, where the view reaches under the plate.
 ONWARD = np.array([0.0, 0.5, 1.0, 2.0, 4.0])
 WITHIN = np.array([-0.8, -0.4, 0.0, 0.4, 0.8])  # places within a pixel
@@ -120,6 +122,41 @@ def free_depths(edges_mm: Shaped[Float, " g1"]) -> Shaped[Float, "g g"]:
     return np.asarray(shapes @ shapes.T)
 
 
+class Pixels(NamedTuple):
+    """What pixels of a sensor may be, and where the end lies in the last of them: k possibilities.
+
+    Columns that one sees; how many of the face give it enough light to return; 1: it returns the mean depth by the
+    light of what it sees (Lambert's cosine law), 0: by its length. Where both stand, the latter is just before.
+    """
+
+    sees: Shaped[Float, "k 3"]
+    phase: Shaped[Int, " k"]  # of the places of the end within its column that the view has
+    share: Shaped[Float, " k"]
+
+    def of(self, which: Bool) -> Pixels:
+        """Some of them (k,)."""
+        return Pixels(self.sees[which], self.phase[which], self.share[which] / self.share[which].sum())
+
+
+def possible_pixels(
+    phases: int,
+    footprints: Shaped[Float, " f"] = ANY_FOOTPRINT,
+    fills: Shaped[Float, "m 2"] = ANY_FILL,
+) -> Pixels:
+    """By shares of FOOTPRINTS, by fills from which on a pixel that the face fills in part returns it, and theirs.
+
+    phases: so many places of the end within its column are alike likely.
+    """
+    wide, fill = (a.ravel() for a in np.meshgrid(FOOTPRINTS[1:], fills[:, 0], indexing="ij"))
+    prior = np.outer(footprints[1:], fills[:, 1]).ravel()
+    kept = np.repeat(np.flatnonzero(prior > SELDOM * prior.max()), 2)  # each by its length, then by its light
+    law = np.arange(kept.size) % 2.0
+    sees = np.concatenate([np.zeros((1, 3)), np.stack([wide[kept], (wide * fill)[kept], law], axis=1)])
+    share = np.append(footprints[0], prior[kept] * np.where(law > 0.0, LAMBERT, 1.0 - LAMBERT))
+    share = np.tile(share / (share.sum() * phases), phases)
+    return Pixels(np.tile(sees, (phases, 1)), np.repeat(np.arange(phases), len(sees)), share)
+
+
 class EndView(NamedTuple):
     """What one pass shows of the end: depths by groups of columns before the last return."""
 
@@ -130,30 +167,13 @@ class EndView(NamedTuple):
     phases: Shaped[Float, "p q"]  # places of the end within its column; p alike likely, each the mean over q
     further: float  # columns beyond the line's end in which returns go on, on average
     usually_further: float  # the same in the lower quartile of the frames
-    footprints: Shaped[Float, " f"] = np.full(FOOTPRINTS.size, 1.0 / FOOTPRINTS.size)  # shares of FOOTPRINTS
-    # from which on a pixel that the face fills in part returns it, and their shares
-    fills: Shaped[Float, "m 2"] = np.stack([FILLS, ALONE], axis=1)[ALONE > 0.0]
+    pixels: Pixels
     incidences: Shaped[Float, " i"] = ALL_RETURN  # how likely what the pass shows is under each of INCIDENCES
 
     @property
     def nearer(self) -> float:
         """What a return lies nearer to the sensor than the face, by how far before its pixel's middle it was seen."""
         return math.sin(self.inclination) * math.cos(self.inclination)
-
-    @property
-    def pixels(self) -> tuple[Shaped[Float, "k 3"], Shaped[Float, " k"]]:
-        """What pixels may be, and their shares.
-
-        Columns that one sees; how many of the face give it enough light to return; 1: it returns the mean depth by the
-        light of what it sees (Lambert's cosine law), 0: by its length.
-        """
-        wide, fill = (a.ravel() for a in np.meshgrid(FOOTPRINTS[1:], self.fills[:, 0], indexing="ij"))
-        prior = np.outer(self.footprints[1:], self.fills[:, 1]).ravel()
-        kept = np.repeat(np.flatnonzero(prior > SELDOM * prior.max()), 2)  # each by its length, then by its light
-        law = np.arange(kept.size) % 2.0
-        every = np.stack([wide[kept], (wide * fill)[kept], law], axis=1)
-        shares = np.append(self.footprints[0], prior[kept] * np.where(law > 0.0, LAMBERT, 1.0 - LAMBERT))
-        return np.concatenate([np.zeros((1, 3)), every]), shares / shares.sum()
 
 
 def end_phases(moving: bool) -> Float:
@@ -173,6 +193,7 @@ class SeenEnd(NamedTuple):
     beyond: Shaped[Float, "t i"]  # of the virtual edge from where the returns on the line end, mm: mean
     beyond_u: Shaped[Float, "t i"]  # and standard deviation, by what the sensor still returns
     fall: Shaped[Float, "t i g"]  # depth under the line by groups of columns, mm
+    pixel: Shaped[Float, "t i k"]  # shares of the view's pixels
     inclination: float  # of the face to the rays' normal, rad
 
 
@@ -213,8 +234,8 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     spread = np.sqrt((weight * ((beyond - mean[..., None]) ** 2 + beyond_u**2)).sum(axis=2))
     evidence = (most + np.log(total / onward.size))[..., 0]
     evidence += np.log(view.incidences * np.clip(reaches(view.inclination), 1e-6, 1.0))  # the face returns
-    fall = np.einsum("tio,tiog->tig", weight, one.fall[look])
-    return SeenEnd(evidence, mean, spread, fall, view.inclination)
+    fall, pixel = (np.einsum("tio,tiog->tig", weight, of[look]) for of in (one.fall, one.pixel))
+    return SeenEnd(evidence, mean, spread, fall, pixel, view.inclination)
 
 
 class _Looked(NamedTuple):
@@ -224,20 +245,20 @@ class _Looked(NamedTuple):
     past: Shaped[Float, " v"]  # how far the last return lies beyond the end of the returns, mm: mean
     past_u: Shaped[Float, " v"]  # and standard deviation
     fall: Shaped[Float, "v g"]
+    pixel: Shaped[Float, "v k"]
 
 
 def _looked(view: EndView, looks: list[Float]) -> _Looked:
     """looks (v,): size, turn, incidence and how far the lower surface returns, as `seen_end` has them."""
-    prior = view.pixels[1]
-    shape = looks[0].size, prior.size, len(view.phases)
-    every = np.indices(shape).reshape(3, -1)
-    by_length = view.pixels[0][every[1], 2] == 0.0
-    once = by_length | (looks[1][every[0]] == 0.0)  # a flat chamfer is as bright all over: both pixels see the same
+    sees, phase, prior = view.pixels
+    shape = looks[0].size, prior.size
+    of, pixel = (at.ravel() for at in np.indices(shape))
+    by_light = np.append(False, (sees[1:, :2] == sees[:-1, :2]).all(axis=1) & (phase[1:] == phase[:-1]))
+    once = ~by_light[pixel] | (looks[1][of] == 0.0)  # a flat chamfer is as bright all over: both pixels see the same
     at = np.cumsum(once) - 1
-    at[~once] = at[np.flatnonzero(~once) - shape[2]]
-    of, pixel, phase = every[:, once]
+    of, pixel = of[once], pixel[once]
     size, turn, incidence, onward = (one[of] for one in looks)
-    fall, shift, past = rendered_end(view, size, turn, incidence, pixel, phase, onward)
+    fall, shift, past = rendered_end(view, size, turn, incidence, pixel, onward)
     seen = fall - shift * view.nearer
     covariance, own = view.known.noise + view.known.free, QUARTER * fall
     score, hooked, amount, offset = np.empty((4, of.size))
@@ -248,16 +269,16 @@ def _looked(view: EndView, looks: list[Float]) -> _Looked:
     seen += (HOOKED * np.exp(hooked - score) * amount)[:, None] * hook
     score = np.logaddexp(math.log(1.0 - OFFSET) + score, math.log(OFFSET) + offset)
     score, past, seen = score[at], past[at], seen[at]
-    log = score.reshape(shape) + np.log(prior)[:, None]
-    most = log.max(axis=(1, 2), keepdims=True)
+    log = score.reshape(shape) + np.log(prior)
+    most = log.max(axis=1, keepdims=True)
     weight = np.exp(log - most)
-    total = weight.sum(axis=(1, 2), keepdims=True)
+    total = weight.sum(axis=1, keepdims=True)
     weight /= total
     past = past.reshape(shape)
-    mean = (weight * past).sum(axis=(1, 2))
-    spread = np.sqrt((weight * (past - mean[:, None, None]) ** 2).sum(axis=(1, 2)))
-    evidence = (most + np.log(total / (shape[1] * shape[2])))[:, 0, 0]
-    return _Looked(evidence, mean, spread, np.einsum("vkp,vkpg->vg", weight, seen.reshape(*shape, -1)))
+    mean = (weight * past).sum(axis=1)
+    spread = np.sqrt((weight * (past - mean[:, None]) ** 2).sum(axis=1))
+    fall = np.einsum("vk,vkg->vg", weight, seen.reshape(*shape, -1))
+    return _Looked((most + np.log(total))[:, 0], mean, spread, fall, weight)
 
 
 def _offset_ends(groups: int) -> Float:
@@ -276,7 +297,7 @@ def _shown_mm(view: EndView, size: Float, turn: Float, incidence: Float) -> Floa
 
 
 def rendered_end(
-    view: EndView, size: Float, turn: Float, incidence: Float, pixel: Int, phase: Int, onward: Float
+    view: EndView, size: Float, turn: Float, incidence: Float, pixel: Int, onward: Float
 ) -> tuple[Float, Float, Float]:
     """Depths (n, g) of n templates by groups of columns, and from pixels to the middle of what they see (n, g); mm.
 
@@ -288,8 +309,7 @@ def rendered_end(
     than the face (Lambert's cosine law).
     """
     lean, column = view.inclination, view.step_mm
-    wide_mm, lit_mm = column * view.pixels[0][pixel, :2].T
-    by_light = view.pixels[0][pixel, 2] > 0.0
+    wide_mm, lit_mm, by_light = view.pixels.sees[pixel].T * [[column], [column], [1.0]]
     round_, seen = turn == 0.0, turn + lean < incidence
     shown = _shown_mm(view, size, turn, incidence)
     width = np.diff(view.edges_mm)
@@ -301,11 +321,11 @@ def rendered_end(
     light = np.cos(np.minimum(turn + lean, 0.5 * math.pi)) / math.cos(lean)
     flat_mm = np.where(lit_mm < shown * light, lit_mm / np.maximum(light, 1e-3), lit_mm - shown * light + shown)
     enough_mm = np.where(round_, lit_mm, flat_mm)
-    arc = round_ & by_light & (shown > 0.0)
+    arc = round_ & (by_light > 0.0) & (shown > 0.0)
     enough_mm[arc] = _enough_of_arc_mm(size[arc], shown[arc], lit_mm[arc], lean)
     past = 0.5 * wide_mm - np.where(onward > 0.0, lit_mm, np.minimum(enough_mm, wide_mm))
     depth, shift = np.zeros((2, size.size, width.size))
-    _depths(known, phase, place, np.stack([past, 0.5 * wide_mm], axis=1), lean, depth, shift)
+    _depths(known, view.pixels.phase[pixel], place, np.stack([past, 0.5 * wide_mm], axis=1), lean, depth, shift)
     return depth, shift, past
 
 

@@ -35,10 +35,12 @@ from workbench.edge.end_templates import (
     EdgeCondition,
     EndTemplates,
     EndView,
+    Pixels,
     SeenEnd,
     end_phases,
     end_templates,
     free_depths,
+    possible_pixels,
     rendered_end,
     seen_end,
 )
@@ -337,21 +339,24 @@ def _broken(root_mm: float, profiler: Profiler, known: Knowledge, view: View, fr
         + pattern * np.exp(-far)
         + DEPTH_U_MM**2 * np.eye(middle.size)
     )
+    phases = end_phases(True)
     blank = EndView(
         Depths(np.zeros(middle.size), covariance, free_depths(edges * step)),
         edges * step,
         view.elevation,
         step,
-        end_phases(True),
+        phases,
         0.0,
         0.0,
+        possible_pixels(len(phases)),
     )
     templates = _templates(known.edge_condition)
     sizes = np.array(edges_of(known.edge_condition))
-    # a pixel a column wide, which returns where half of it is filled
-    usual = np.abs(blank.pixels[0] - [1.0, 0.5, 0.0]).sum(axis=1).argmin()
-    none, most, pixel = np.zeros(sizes.size), np.full(sizes.size, MOST_INCIDENCE), np.full(sizes.size, usual)
-    depth, shift, _ = rendered_end(blank, sizes, none, most, pixel, np.zeros(sizes.size, np.int64), none)
+    usual = Pixels(
+        np.array([[1.0, 0.5, 0.0]]), np.zeros(1, np.int64), np.ones(1)
+    )  # a column wide, which returns where half of it is filled
+    none, most, first = np.zeros(sizes.size), np.full(sizes.size, MOST_INCIDENCE), np.zeros(sizes.size, np.int64)
+    depth, shift, _ = rendered_end(blank._replace(pixels=usual), sizes, none, most, first, none)
     means = depth - blank.nearer * shift
     return tuple(seen_end(blank._replace(known=blank.known._replace(mean=mean)), templates) for mean in means)
 

@@ -44,9 +44,6 @@ ROUGH_SLOPE = 2.0  # slope of a rough face over its height, 1/mm: waves of some 
 # noise by more than its estimate errs.
 ROUGH_MM, ROUGH_SHARE = 0.02, 0.25
 SHARED_MM = 0.003  # from here on it is, where directions of frames go together (`go_together`)
-# Of the mean square of a quarter of the frames over that of half of them: six rough faces covered by drops of coolant
-# have up to 0.25, 15 that are rough all along 0.46 and more.
-PATCHES = 0.36
 FEW_FRAMES = 20  # within 20 mm: the scatter of fewer differs by as much by chance
 UNEVEN = 2.0  # times the usual scatter: of frames within 20 mm, which share their errors over 4, chance makes up to 1.7
 COVERS, CELL_MM = 0.9, 5.0  # share of the edge that corners must show, by stretches, for silhouettes to be left aside
@@ -241,7 +238,6 @@ def _state(
     rough = height > max(ROUGH_MM, ROUGH_SHARE * sigma)
     if not rough and height > max(SHARED_MM, ROUGH_SHARE * sigma):
         rough = go_together(face.s, angle, face.angle_variance, cloud.pass_index)
-    rough = rough and not _in_patches(found, sigma)
     if rough:
         face = _lines(cloud, found, found.whole, curve, s, sigma)
         mid = np.where(np.isfinite(face.s), face.s, 0.0)
@@ -563,18 +559,6 @@ def _roughness(found: RawFaces, sigma: float) -> float:
         return 0.0
     height2 = float(np.median(face.rss[on] / (face.count[on] - 2))) - sigma**2
     return math.sqrt(max(height2, 0.0)) / float(np.median(face.lean[on]))
-
-
-def _in_patches(found: RawFaces, sigma: float) -> bool:
-    """Is a quarter of the frames by far smoother than half of them? Drops and spatter lie here and there, and are no
-    part of the face; what a flame leaves is everywhere.
-    """
-    face = found.faces[ROOT_FACE]
-    on = face.count > 5
-    height2 = face.rss[on] / (face.count[on] - 2) - sigma**2
-    quarter, half = np.percentile(height2, [25.0, 50.0])
-    quarter += sigma**2 / TO_SD * math.sqrt(2.0 / float(np.median(face.count[on])))  # noise alone makes it less
-    return bool(quarter < PATCHES * half)
 
 
 def _range_noise(cloud: Cloud, found: RawFaces) -> float:

@@ -123,9 +123,9 @@ class Robot(NamedTuple):
     length_mm: float | None = None
 
     @property
-    def most_mm(self) -> float:
-        """Their standard deviation, as large as it may be."""
-        return STRENGTHS_MM[-1] if self.noise_mm is None else self.noise_mm
+    def usual_mm(self) -> float:
+        """Their standard deviation, on average over what is held possible."""
+        return math.sqrt(np.mean(np.square(STRENGTHS_MM))) if self.noise_mm is None else self.noise_mm
 
     @property
     def before(self) -> Shared:

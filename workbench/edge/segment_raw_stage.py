@@ -195,7 +195,7 @@ def _edge(
     form, below = (one.uncorrected for one in forms(images, at, declared.sensor))
     turning = np.hypot(measured.out.course.slope_u(at), measured.lower.course.slope_u(at))
     sparse_mm, sparse_turn = cloud.sparse_poses_u
-    only_ends_mm = declared.robot.most_mm if cloud.only_end_poses else 0.0
+    only_ends_mm = declared.robot.usual_mm if cloud.only_end_poses else 0.0
     tangent_u = np.hypot(np.hypot(turning, measured.edge_turn_u), sparse_turn)
     tangent_u = np.hypot(tangent_u, between(measured.s_face, late.off_s * late.oblique_rate, at))
     axis = {

@@ -34,7 +34,7 @@ class Followed(NamedTuple):
 @pytest.fixture(scope="module")
 def followed() -> Followed:
     part = twin.part(recipe=RECIPE)
-    made = plan(taught=twin.teach(part), sensor=SENSOR, raw=True, passes=1)
+    made = plan(taught=twin.teach(part), sensor=SENSOR, raw=True, passes=1, frame_rate_hz=120.0)
     planned = next(one for one in made if isinstance(one, PlannedScan))
     content = next(one.content for one in made if isinstance(one, Document))
     return Followed(part, planned, content, twin.scan(part, planned))

@@ -53,12 +53,15 @@ def shipped() -> Made:
 ALONG_MM = (1500.0, 1515.0, 1530.0)
 
 
+FEW: dict[str, Any] = {"passes": 1, "frame_rate_hz": 60.0}  # frames a millimetre: a rehearsal takes as long as it has
+
+
 @pytest.fixture(scope="module")
 def short(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Made]:
     """A file of 30 mm of a straight edge, and its plan."""
     line = tmp_path_factory.mktemp("short") / "edge.csv"
     line.write_text("".join(["x_mm,y_mm,z_mm\n", *(f"{x},0,800\n" for x in ALONG_MM)]))
-    return line, made(edge=line, passes=1)
+    return line, made(edge=line, **FEW)
 
 
 def test_the_shipped_cell_reaches_what_is_wanted_in_two_passes(shipped: Made) -> None:
@@ -91,7 +94,7 @@ def test_a_rehearsal_that_the_engine_refuses_promises_nothing(
         raise InputError("scan", "its faces are none")
 
     monkeypatch.setattr(edge, "segment", refused)
-    _, file, gate, _ = made(edge=short[0], passes=1)
+    _, file, gate, _ = made(edge=short[0], **FEW)
     assert not gate.passed
     assert not any(file.predicted.reached)
     assert "with a radius of 0.22 mm: scan: its faces are none" in gate.reason
@@ -130,7 +133,7 @@ def test_a_fixture_over_the_edge_shadows_it_and_is_named(tmp_path: Path, shipped
 @pytest.fixture(scope="module")
 def beyond_reach(short: tuple[Path, Made]) -> Made:
     """A bevel angle that no two passes tell."""
-    return made(edge=short[0], wanted_bevel_deg=0.005, passes=2)
+    return made(edge=short[0], wanted_bevel_deg=0.005, **FEW | {"passes": 2})
 
 
 def test_what_cannot_be_reached_is_told_with_what_would_help(beyond_reach: Made) -> None:
@@ -152,7 +155,7 @@ def test_a_pass_drifts_as_far_as_the_section_has_room(tmp_path: Path) -> None:
     drifts = []
     for width in (6.5, 20.0):
         narrow = sensor(tmp_path, width_mm=[width, width])
-        (one,) = made(edge=line, sensor=narrow, passes=1, wanted_root_mm=0.5, wanted_bevel_deg=2.0).plan.passes
+        (one,) = made(edge=line, sensor=narrow, **FEW, wanted_root_mm=0.5, wanted_bevel_deg=2.0).plan.passes
         drifts.append(one.drift_mm)
     assert drifts == pytest.approx([0.15, 2.0], abs=0.02)
 
@@ -169,7 +172,7 @@ def test_a_polyline_is_an_edge(tmp_path: Path, short: tuple[Path, Made]) -> None
     drawn = tmp_path / "edge.dxf"
     points = "".join(f"10\n{x}\n20\n0.0\n" for x in ALONG_MM)
     drawn.write_text(f"0\nSECTION\n2\nENTITIES\n0\nLWPOLYLINE\n38\n800.0\n{points}0\nENDSEC\n0\nEOF\n")
-    for found in (short[1].plan.edge, made(edge=drawn, passes=1).plan.edge):
+    for found in (short[1].plan.edge, made(edge=drawn, **FEW).plan.edge):
         assert np.allclose(found.position_mm[[0, -1]], [[1500.0, 0.0, 800.0], [1530.0, 0.0, 800.0]])
         assert np.allclose(np.abs(found.normal), [0.0, 1.0, 0.0])
 
@@ -215,12 +218,12 @@ def test_what_a_sensor_file_records_only_says_so_and_changes_nothing(tmp_path: P
     assert recorded == {"name", "line_thickness_mm", "filters"}
     line, before = short
     other = sensor(tmp_path, name="another", line_thickness_mm=4.0, filters=["median"])
-    assert made(edge=line, passes=1, sensor=other).file == before.file
+    assert made(edge=line, sensor=other, **FEW).file == before.file
 
 
 def test_a_rough_root_face_is_told_before_anything_moves(short: tuple[Path, Made]) -> None:
     line, (smooth, file, *_) = short
-    rough = made(edge=line, passes=1, roughness_mm=0.05).plan
+    rough = made(edge=line, roughness_mm=0.05, **FEW).plan
     assert any("roughness" in one for one in file.not_checked)
     assert np.nanmedian(rough.bevel.u) > 1.5 * np.nanmedian(smooth.bevel.u)
     assert np.nanmax(rough.bevel.u) < 1.01 * np.nanmin(

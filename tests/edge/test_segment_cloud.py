@@ -16,7 +16,7 @@ from workbench.export import cloud as export_cloud
 from workbench.inspect import sections
 from workbench.units import Float
 
-STRAIGHT = {"from_mm": 5.0, "to_mm": 55.0, "elevation_deg": 40.0}
+STRAIGHT = {"from_mm": 5.0, "to_mm": 35.0, "elevation_deg": 40.0}
 TWO_PASSES = [STRAIGHT, STRAIGHT | {"oblique_deg": 5.0}]  # the second runs aslant: its lines cross those of the first
 
 

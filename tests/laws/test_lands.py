@@ -24,12 +24,12 @@ RADIUS_MM, FLANK_DEG = 4.0, 14.0
 
 @cache
 def joined(land_mm: float, seed: int) -> Cloud:
-    """A U of two J preparations with a land, every third frame of its scan."""
+    """A U of two J preparations with a land, every third frame of half its scan."""
     above = j_shape(RADIUS_MM, FLANK_DEG, land_mm, THICK - ROOT)
     begin = ((-FAR_MM, 0.0), (-0.5 * GAP, 0.0), (-0.5 * GAP, ROOT))
     left = (*begin, *((u - 0.5 * GAP, v + ROOT) for u, v in above), (-FAR_MM, THICK))
     recording = groove(seed, (left, mirrored(left))).recording
-    return denoise(fuse(frames(recording, np.arange(0, len(recording.time_s), 3))))
+    return denoise(fuse(frames(recording, np.arange(0, len(recording.time_s) // 2, 3))))
 
 
 @cache

@@ -50,9 +50,10 @@ def as_it_is() -> tuple[MilledEdge, Inspection]:
     return measured(recording())
 
 
-def every(step: int, scan: Recording) -> Recording:
-    """One frame in so many."""
-    return frames(scan, np.arange(0, len(scan.time_s), step))
+def begun(name: str) -> Recording:
+    """The first half of a shipped recording of a raw edge, which takes half as long; one frame in three."""
+    scan = read(recording=f"data/synthetic/{name}.h5")
+    return frames(scan, np.arange(0, len(scan.time_s) // 2, 3))
 
 
 def scaled(scan: Recording, x: float, z: float) -> Recording:
@@ -113,7 +114,7 @@ def test_an_end_that_jumps_is_told_and_may_be_the_edge_that_steps(to_mm: float) 
 
 
 def test_an_end_that_most_frames_of_a_raw_edge_lose_is_in_u() -> None:
-    scan = every(3, read(recording="data/synthetic/raw_wavy.h5"))
+    scan = begun("raw_wavy")
     cloud = denoise(fuse(scan))
     edge = segment_raw(cloud, upper_side=(0.0, 0.0, 1.0))
     height = _heights(cloud, edge)
@@ -129,7 +130,7 @@ def test_an_end_that_most_frames_of_a_raw_edge_lose_is_in_u() -> None:
 
 
 def test_how_far_a_rough_face_is_lost_is_in_the_u_of_its_direction() -> None:
-    scan = every(3, read(recording="data/synthetic/raw_edge.h5"))
+    scan = begun("raw_edge")
     whole = segment_raw(denoise(fuse(scan)), upper_side=(0.0, 0.0, 1.0))
     rng = np.random.default_rng(7)
     rough = gaussian_filter(rng.normal(size=scan.z_mm.shape), 3.0)

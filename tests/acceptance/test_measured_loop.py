@@ -36,7 +36,7 @@ def results(out: Path) -> Any:
             **{"recipe": out.parent / "raw.json", "tool_error_mm": TOOL_ERROR_MM, "sections": 3, "passes": 1},
             **{"robot_noise_mm": 0.002, "robot_repeating_mm": 0.03},
         },
-        settings=turn,
+        settings=turn | {"scan.plan.frame_rate_hz": 80.0},
     )
 
 

@@ -39,6 +39,7 @@ SMALL: dict[str, dict[str, Any]] = {  # what a law asks for shows over few postu
     "stiffness.chatter": {"stations": 3, "speed_change": 0.05},
     "stiffness.maps": {"steps": 9},
     "compare.deviation": {"spacing_mm": 6.0},
+    "scan.plan": {"frame_rate_hz": 80.0},
 }
 
 
@@ -104,7 +105,8 @@ def plan_chains(raw_file: Path, tmp_path_factory: pytest.TempPathFactory) -> tup
     """The planning, as it is and moved."""
     turned = [float(x) for x in MOTION[:3, 2]]
     moved = moved_file(read(recording=raw_file), tmp_path_factory.mktemp("raw moved"))
-    return run_chain("plan_bevel", recording=raw_file), run_chain("plan_bevel", recording=moved, upper_side=turned)
+    there = {"recording": moved, "upper_side": turned}
+    return run_chain("plan_bevel", "path.feed", recording=raw_file), run_chain("plan_bevel", "path.feed", **there)
 
 
 @pytest.fixture(scope="module")
@@ -176,14 +178,12 @@ def moved_file(recording: Recording, folder: Path) -> Path:
     return folder / "moved.h5"
 
 
-def run_chain(name: str, **inputs: Any) -> Chain:
-    """A shipped pipeline without its pages, in memory; what it leaves to the defaults is SMALL."""
+def run_chain(name: str, until: str | None = None, **inputs: Any) -> Chain:
+    """A shipped pipeline without its pages, or up to a stage, in memory; what it leaves to the defaults is SMALL."""
     pipeline = Pipeline.load(PIPELINES / f"{name}.json")
-    stages = tuple(
-        SMALL.get(entry["stage"], {}) | entry
-        for entry in pipeline.document.stages
-        if not entry["stage"].startswith("report.")
-    )
+    every = [one for one in pipeline.document.stages if not one["stage"].startswith("report.")]
+    last = next((k for k, one in enumerate(every, 1) if one["stage"] == until), None)
+    stages = tuple(SMALL.get(one["stage"], {}) | one for one in every[:last])
     pipeline.document = dataclasses.replace(pipeline.document, stages=stages)
     plan = pipeline.plan(inputs)
     return Chain(plan, run_plan(plan, Reporter()))

@@ -1,6 +1,7 @@
 """What `workbench look` makes of a profile and of a recording, before it is told."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,13 @@ def test_of_a_mirrored_axis_that_nothing_shows_nothing_is_claimed(name, signs):
     assert named == ()
 
 
+@cache
+def swaying():
+    recording, _ = simulate_swept(random_swept_recipe("swept_sway", 1))
+    assert all(check.passed for check in judged(recording)[0])
+    return recording
+
+
 @pytest.mark.parametrize(
     ("signs", "named"),
     [
@@ -57,8 +65,7 @@ def test_of_a_mirrored_axis_that_nothing_shows_nothing_is_claimed(name, signs):
 )
 def test_a_mirrored_axis_is_named_where_the_flange_sways(signs, named):
     """The section then seems to turn with the wrist; data/synthetic has no such motion, so one is simulated."""
-    recording, _ = simulate_swept(random_swept_recipe("swept_sway", 1))
-    assert all(check.passed for check in judged(recording)[0])
+    recording = swaying()
     changed = replace(recording, x_mm=recording.x_mm * signs[0], z_mm=recording.z_mm * signs[1])
     checks, found = judged(changed)
     assert "twist_deg" in {check.name for check in checks if not check.passed}

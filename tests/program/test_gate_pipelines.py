@@ -3,7 +3,6 @@
 import copy
 import dataclasses
 import json
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -143,15 +142,10 @@ SOUND: dict[str, Any] = {
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A sound part in an empty cell and its program; each test has a copy of its folder."""
+    """A sound part in an empty cell and its program."""
     folder = tmp_path_factory.mktemp("sound")
     assert run(SOUND, folder) == 0
     return folder
-
-
-@pytest.fixture
-def sound(made, tmp_path):
-    return shutil.copytree(made, tmp_path, dirs_exist_ok=True)
 
 
 def test_an_outsider_who_drives_the_program_finds_the_bevel_that_was_asked_for(made):

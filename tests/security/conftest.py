@@ -20,37 +20,26 @@ SCANNED: dict[str, Any] = {
     "seed": 5,
     "robot": {"frame_pitch_mm": 0.5},
     "scanner": {"columns": 400},
-}
-PARTS = {
-    "milled": {"part": {"kind": "milled", "length_mm": 40.0}, "passes": [{"from_mm": 2.0, "to_mm": 38.0}]},
-    "raw": {
-        "part": {"kind": "raw", "length_mm": 50.0, "thickness_mm": 5.0},
-        "passes": [{"from_mm": 2.0, "to_mm": 48.0}],
-    },
+    "part": {"kind": "milled", "length_mm": 40.0},
+    "passes": [{"from_mm": 2.0, "to_mm": 38.0}],
 }
 
 
 @pytest.fixture(scope="session")
-def part_file(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+def part_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The recording of a small part."""
-    made: dict[str, Path] = {}
-
-    def make(kind: str) -> Path:
-        if kind not in made:
-            made[kind] = tmp_path_factory.mktemp(kind) / "part.h5"
-            write(simulate_recording(parse_recipe(SCANNED | PARTS[kind]))[0], made[kind])
-        return made[kind]
-
-    return make
+    path = tmp_path_factory.mktemp("milled") / "part.h5"
+    write(simulate_recording(parse_recipe(SCANNED))[0], path)
+    return path
 
 
 @pytest.fixture
-def hostile_part(part_file: Callable[[str], Path], tmp_path: Path) -> Callable[..., Path]:
-    """`hostile_part(kind, name, file_name)`: a recording that carries a text wherever it may carry one."""
+def hostile_part(part_file: Path, tmp_path: Path) -> Callable[..., Path]:
+    """`hostile_part(name, file_name)`: a recording that carries a text wherever it may carry one."""
 
-    def make(kind: str, name: str, file_name: str = "part.h5") -> Path:
+    def make(name: str, file_name: str = "part.h5") -> Path:
         path = tmp_path / file_name
-        path.write_bytes(part_file(kind).read_bytes())
+        path.write_bytes(part_file.read_bytes())
         with h5py.File(path, "r+") as file:
             for key in ("part_id", "sensor", "robot", name[:60].replace("\x00", " ")):
                 file.attrs[key] = name.replace("\x00", " ")

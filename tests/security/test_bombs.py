@@ -124,7 +124,7 @@ HDF5 = [packed_bomb, chunk_of_another_size, an_object_reference, a_python_pickle
 @pytest.mark.parametrize("path", ["/profiles/x", "/profiles/time"])
 def test_hdf5(damage, path, refused, part_file, tmp_path):
     file = tmp_path / "part.h5"
-    file.write_bytes(part_file("milled").read_bytes())
+    file.write_bytes(part_file.read_bytes())
     with h5py.File(file, "r+") as opened:
         damage(opened, path)
     outcome = refused(READ, file, "part.h5")
@@ -136,7 +136,7 @@ def test_hdf5(damage, path, refused, part_file, tmp_path):
 def test_numbers_that_no_part_has(value, path, pipeline_file, command, part_file, tmp_path):
     """Refused in a line, or carried to a verdict; never a traceback, and never a NaN in a result."""
     file = tmp_path / "part.h5"
-    file.write_bytes(part_file("milled").read_bytes())
+    file.write_bytes(part_file.read_bytes())
     with h5py.File(file, "r+") as opened, np.errstate(over="ignore"):
         values = opened[path][...]
         values.reshape(-1)[values.size // 2] = value

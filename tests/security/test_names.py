@@ -26,7 +26,7 @@ TABLE = {"stage": "export.inspection", "format": "csv"}
 @pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
 def test_a_part_that_is_inspected(name, hostile_part, pipeline_file, command, tmp_path):
     """Tables hold the name as a text; nothing is written but the results; the terminal sees plain lines."""
-    path = hostile_part("milled", name)
+    path = hostile_part(name)
     before = files_below(tmp_path)
     pipeline = pipeline_file(*INSPECT, TABLE, recording=str(path), title=name[:500])
     outcome = command("run", pipeline, "--out", tmp_path / "out")
@@ -48,7 +48,7 @@ def test_a_part_that_is_inspected(name, hostile_part, pipeline_file, command, tm
     ["=1+2.h5", "a\nerror: forged\n.h5", "<img src=x onerror=alert(1)>.h5", "%%%!.h5", "-out.h5", "${x}.h5"],
 )
 def test_a_recording_with_a_hostile_file_name(file_name, hostile_part, pipeline_file, command, tmp_path):
-    path = hostile_part("milled", "plate", file_name)
+    path = hostile_part("plate", file_name)
     outcome = command(
         "run",
         pipeline_file(*INSPECT, TABLE, recording="x"),

@@ -9,6 +9,7 @@ import pytest
 from tests.compare.bodies import AT, LENGTH, box, scanned
 from workbench.artefacts import PointSet
 from workbench.compare import deviation, register, surface
+from workbench.compare.surface_stage import Surface
 from workbench.errors import InputError
 from workbench.units import Float
 
@@ -87,10 +88,22 @@ def test_places_look_out_of_the_mesh(outside: int) -> None:
     mesh, scan = box(), scanned(4, step_mm=0.06)
     assert mesh.triangles is not None
     turned = replace(mesh, triangles=mesh.triangles[:, ::outside])
-    found = deviation(surface(None, PointSet(scan.points_mm)), turned, position_u_mm=0.0)[0]
+    found, _, chapter = deviation(surface(None, PointSet(scan.points_mm)), turned, position_u_mm=0.0)
+    assert any("clockwise" in words for words in chapter.warnings) == (outside < 0)
     assert ((outside * found.normal).max(axis=1) > 0.9).all()
     middle = (np.abs(found.position_mm[:, 0] - AT[0] - LENGTH / 2) < 4) & (np.abs(found.normal[:, 1]) > 0.9)
     assert np.nanmean(found.distance_mm[middle]) == pytest.approx(outside * 0.06, abs=1e-3)
+
+
+@pytest.mark.parametrize("reference", [scanned(2), box()], ids=["scan", "mesh"])
+@pytest.mark.parametrize("step_mm", [0.0, -1.7])
+def test_a_step_beyond_the_search_is_told(reference: Surface, step_mm: float) -> None:
+    """A stretch further off than `depth_mm` is not measured, and is no "no deviation"."""
+    document, chapter = deviation(scanned(1, step_mm=step_mm), reference)[1:]
+    content = json.loads(document.content)
+    assert content["changed"] == (step_mm != 0.0)
+    assert (content["beyond_depth"] > 20) == content["changed"]
+    assert ("further off than depth_mm" in chapter.summary) == content["changed"]
 
 
 def test_surfaces_apart_are_refused() -> None:

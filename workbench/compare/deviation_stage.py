@@ -14,7 +14,7 @@ from pydantic import Field
 from workbench.artefacts import Chapter, Document, Edge
 from workbench.artefacts.evidence import UNSEEN
 from workbench.compare.deviation_chapter import deviation_chapter
-from workbench.compare.local_planes import Surfels, heights, on_mesh, surfels
+from workbench.compare.local_planes import SAME_SIDE, Surfels, Target, heights, surfels, target_of
 from workbench.compare.statistics import Summary, median, path_error_u, summarise
 from workbench.compare.surface_stage import Deviations, Registration, Surface
 from workbench.errors import InputError
@@ -30,6 +30,10 @@ PATH = "errors of the path that all faces share"
 ONE_FACE = (
     "one face is compared, faces at right angles, or less than 12 mm of the part: a change cannot be distinguished "
     "from a smooth error of the robot's path, so position_u_mm is in u"
+)
+INSIDE_OUT = (
+    "most of the mesh faces away from where the scan is seen from: are its triangles clockwise? Signs are by the mesh, "
+    "positive where its triangles turn counter-clockwise"
 )
 
 
@@ -64,7 +68,7 @@ def deviation(
         spacing_mm: between the places that are compared.
         normal_mm: D, diameter of the neighbourhood of a normal.
         projection_mm: d, diameter of the averaged cylinder.
-        depth_mm: largest deviation searched for: half the cylinder's length.
+        depth_mm: largest deviation measured: half the cylinder's length. Places that lie further off are counted.
         sections: count of sections along the part, as in `inspect.sections`.
         half_width_mm: half the width of a section along the part.
 
@@ -81,18 +85,21 @@ def deviation(
     """
     scales = Scales(spacing_mm, normal_mm, projection_mm, depth_mm)
     laid = scan if registration is None else moved(scan, registration)
-    places = places_of(laid, reference, scales)
+    target = target_of(reference, spacing_mm, 0.5 * normal_mm)
+    places, reversed_share = places_of(laid, reference, target, scales)
     course = course_of(laid, reference, edge, places.normal.mean(axis=0))
-    found = deviations(laid, reference, places, registration, position_u_mm, course, scales)
-    found = dataclasses.replace(found, warnings=(*scan.warnings, *reference.warnings, *found.warnings))
+    found = deviations(laid, reference, target, places, registration, position_u_mm, course, scales)
+    told = (INSIDE_OUT,) if reversed_share > 0.5 else ()
+    found = dataclasses.replace(found, warnings=(*scan.warnings, *reference.warnings, *told, *found.warnings))
     what = "change" if reference.triangles is None else "deviation"
     summary = summarise(found, sections, half_width_mm, course.name, what, spacing_mm)
     if summary.compared < LEAST_PLACES:
         words = f"only {summary.compared} of {len(found.distance_mm)} places find the reference within {depth_mm:g} mm"
         raise InputError(
             scan.source or "compare.deviation",
-            f"{words}: expected surfaces that lie on each other, and "
-            "three frames or more in a cylinder (projection_mm)",
+            f"{words}: expected surfaces that lie on each other, in one unit (the scan extends over "
+            f"{scan.extent_mm:.3g} mm, the reference over {reference.extent_mm:.3g} mm), and three frames or more in a "
+            "cylinder (projection_mm)",
         )
     return (
         found,
@@ -132,8 +139,9 @@ def deviation_document(
         else "mesh",
         "registered": registration is not None,
         "finding": summary.in_words,
-        "changed": bool(summary.changed.any()),
+        "changed": summary.is_changed,
         "compared": summary.compared,
+        "beyond_depth": summary.beyond,
         "mean_mm": summary.mean_mm,
         "rms_mm": summary.rms_mm,
         "percentiles_mm": {f"{k}": value for k, value in summary.percentiles_mm.items()},
@@ -175,26 +183,27 @@ class Scales(NamedTuple):
     depth_mm: float
 
 
-def places_of(scan: Surface, reference: Surface, scales: Scales) -> Surfels:
-    """Flat places of the scan; their normals point outwards as the reference's do where it is a mesh."""
+def places_of(scan: Surface, reference: Surface, target: Target, scales: Scales) -> tuple[Surfels, float]:
+    """Flat places of the scan; their normals point outwards as a mesh's do, and the share that was turned for that."""
     found = surfels(scan, scales.spacing_mm, 0.5 * scales.normal_mm)
-    centre, normal = found.centre_mm[found.flat], found.normal[found.flat]
+    centre, normal, share = found.centre_mm[found.flat], found.normal[found.flat], 0.0
     if reference.triangles is not None and len(centre):
-        is_reversed = (on_mesh(reference)(centre)[1] * normal).sum(axis=1) < 0
-        normal = np.where(is_reversed[:, None], -normal, normal)
-    return Surfels(centre, normal, np.ones(len(centre), bool))
+        is_reversed = (target(centre)[1] * normal).sum(axis=1) < 0
+        normal, share = np.where(is_reversed[:, None], -normal, normal), float(is_reversed.mean())
+    return Surfels(centre, normal, np.ones(len(centre), bool)), share
 
 
 def deviations(
     scan: Surface,
     reference: Surface,
+    target: Target,
     places: Surfels,
     registration: Registration | None,
     position_u_mm: float,
     course: Course,
     scales: Scales,
 ) -> Deviations:
-    """M3C2 distances at places of a registered scan; NaN where one of the surfaces is missing.
+    """M3C2 distances at places of a registered scan; NaN where one of the surfaces is missing or too far off.
 
     u^2 = noise^2 + registration^2 + path^2 + passes^2 of both sides.
     """
@@ -205,11 +214,14 @@ def deviations(
         other = heights(reference.points_mm, None, reference.frame, position, normal, radius, depth_mm)
         distance, noise = mine.height_mm - other.height_mm, np.hypot(mine.u_mm, other.u_mm)
     else:
-        foot, outward = on_mesh(reference)(scan.points_mm)
+        foot, outward = target(scan.points_mm)
         off = ((scan.points_mm - foot) * outward).sum(axis=1)
         off[np.abs(off) > depth_mm] = np.nan
         mine = heights(scan.points_mm, off, scan.frame, position, normal, radius, depth_mm)
         distance, noise = mine.height_mm, mine.u_mm
+    foot, outward = target(position)
+    off, is_same_side = ((position - foot) * outward).sum(axis=1), (outward * normal).sum(axis=1) > SAME_SIDE
+    is_beyond = np.isnan(distance) & (np.abs(off) > depth_mm) & is_same_side
     along, across = course.locate(position)
     place = position_u(registration, position, normal, position_u_mm)
     path = None if registration is None else path_error_u(position, distance, normal, along)
@@ -232,6 +244,7 @@ def deviations(
         DETECTION * u,
         along,
         across,
+        is_beyond,
         tuple((name, median(np.ravel(one)[np.isfinite(np.ravel(one))])) for name, one in sources.items()),
         (ONE_FACE,) if unknown else (),
     )

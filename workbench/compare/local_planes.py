@@ -28,6 +28,7 @@ FLAT = 0.02  # smallest over middle eigenvalue of a flat neighbourhood: beyond, 
 LEAST_IN_CYLINDER = 8  # in a cylinder
 LEAST_FRAMES = 3  # or single points: the plane takes up two of them along the motion
 LEAST_LEVERAGE = 0.5  # of the intercept: beyond, points lie all to one side of the axis
+SAME_SIDE = 0.8  # least cosine between normals that belong together
 NOWHERE = (math.nan,) * 4  # where a surface does not meet an axis
 ROUNDS = 5  # of leaving out and fitting again
 CUTOFF = 4.685  # robust standard deviations beyond which a point counts no more: none of normal noise
@@ -81,6 +82,11 @@ def outwards(normal: Float, centre: Float, flat: Bool, range_axis: Float | None)
 
 
 Target = Callable[[Float], tuple[Float, Float]]  # points (n, 3) -> feet (n, 3) and outward normals (n, 3); NaN: none
+
+
+def target_of(reference: Surface, spacing_mm: float, radius_mm: float) -> Target:
+    """The nearest place of a mesh, or of a scan's local planes."""
+    return on_scan(reference, spacing_mm, radius_mm) if reference.triangles is None else on_mesh(reference)
 
 
 def on_scan(reference: Surface, spacing_mm: float, radius_mm: float) -> Target:

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from workbench.artefacts import Document
 from workbench.children import in_one_thread
-from workbench.compare.local_planes import Surfels, Target, on_mesh, on_scan, surfels
+from workbench.compare.local_planes import SAME_SIDE, Surfels, Target, surfels, target_of
 from workbench.compare.surface_stage import Registration, Surface, rigid
 from workbench.errors import InputError
 from workbench.geometry.coarse import coarse_registration, fine_registration
@@ -29,7 +29,6 @@ from workbench.units import Bool, Float, Int, Shaped
 OPEN = 2e-3  # mean square of the motion along the normals, per mm of motion: below, a direction is open
 STEPS = 30
 TUKEY = 4.685  # cut-off of the biweight in standard deviations
-SAME_SIDE = 0.8  # least cosine between normals that belong together
 LEAST_SIGMA_MM = 1e-4
 LEAST_PLACES = 30
 COARSE_SPACINGS = 2.0  # voxel of the features, in spacings of the places
@@ -180,12 +179,12 @@ def register(
         found_starts = in_one_thread(coarse_registration, scan.points_mm, places, voxel_mm)
         starts = [one.target_from_source for one in found_starts]
     found_poses = [coarse(source, coarse_target, one, reach_mm) for one in starts]
-    target = on_mesh(reference) if reference.triangles is not None else on_scan(reference, spacing_mm, radius_mm)
+    target = target_of(reference, spacing_mm, radius_mm)
     found_pose = max(found_poses, key=lambda one: int(equations_at(source, target, one, reach_mm).use.sum()))
     pose, equations = refine(source, target, found_pose, pose, reach_mm, open_directions == "hold")
     overlap = float(equations.use.sum() / max(int(source.flat.sum()), 1))
     rms = float(np.sqrt(np.average(equations.residual_mm**2, weights=equations.weight))) if overlap else math.nan
-    _check(scan, equations, overlap, rms, least_overlap, largest_rms_mm)
+    _check(scan, reference, equations, overlap, rms, least_overlap, largest_rms_mm)
     size, vectors = equations.directions()
     loose = [in_words(vectors[:, k], equations, scan) for k in np.flatnonzero(size <= OPEN)]
     if loose and open_directions == "refuse":
@@ -235,14 +234,24 @@ def _check_flat(surface: Surface, places: Surfels, radius_mm: float) -> None:
         )
 
 
-def _check(scan: Surface, equations: Equations, overlap: float, rms_mm: float, least: float, most_mm: float) -> None:
+def _check(
+    scan: Surface,
+    reference: Surface,
+    equations: Equations,
+    overlap: float,
+    rms_mm: float,
+    least: float,
+    most_mm: float,
+) -> None:
     where = scan.source or "compare.register"
     if equations.use.sum() < LEAST_PLACES or overlap < least:
+        turned = "" if reference.triangles is None else ", a mesh turned inside out"
         raise InputError(
             where,
             f"only {100 * overlap:.0f} % of the scan lies on the reference ({equations.use.sum()} "
-            f"places), expected at least {100 * least:.0f} %: another part, or too far off to "
-            "start",
+            f"places), expected at least {100 * least:.0f} %: another part or unit{turned}, or too "
+            f"far off to start? The scan extends over {scan.extent_mm:.3g} mm, the reference over "
+            f"{reference.extent_mm:.3g} mm",
         )
     if rms_mm > most_mm:
         raise InputError(

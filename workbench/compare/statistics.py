@@ -56,23 +56,25 @@ def changed_regions(found: Deviations, changed: Bool, spacing_mm: float) -> tupl
     """
     regions, kept = [], np.zeros(len(changed), bool)
     for sign in (1.0, -1.0):
-        mine = np.flatnonzero(changed & (sign * found.distance_mm > 0))
-        if mine.size:
-            owner = _labels(found, mine, spacing_mm)
-            many = np.flatnonzero(np.bincount(owner) >= LEAST_PLACES)
-            kept[mine[np.isin(owner, many)]] = True
-            regions += [_region(found, mine[owner == k], spacing_mm) for k in many]
+        parts = _beside(found, changed & (sign * found.distance_mm > 0), spacing_mm)
+        regions += [_region(found, part, spacing_mm) for part in parts]
+        for part in parts:
+            kept[part] = True
     return kept, tuple(sorted(regions, key=lambda region: -region.area_mm2))
 
 
-def _labels(found: Deviations, mine: Int, spacing_mm: float) -> Int:
-    """Number of the component that each of these places belongs to."""
+def _beside(found: Deviations, which: Bool, spacing_mm: float) -> list[Int]:
+    """Those of the places that lie beside enough others, as the places of each connected component."""
+    mine = np.flatnonzero(which)
+    if not mine.size:
+        return []
     at = np.stack([found.arc_length_mm[mine], found.across_mm[mine]], axis=1)
     cell = np.floor((at - at.min(axis=0)) / spacing_mm).astype(np.int64) + 1
     filled = np.zeros(cell.max(axis=0) + 2, np.uint8)
     filled[tuple(cell.T)] = 1
     numbered = label(closing(filled, NEIGHBOURS), connectivity=2)  # type: ignore[no-untyped-call]
-    return np.asarray(numbered[tuple(cell.T)], np.int64)
+    owner = np.asarray(numbered[tuple(cell.T)], np.int64)
+    return [mine[owner == k] for k in np.flatnonzero(np.bincount(owner) >= LEAST_PLACES)]
 
 
 def _region(found: Deviations, places: Int, spacing_mm: float) -> Region:
@@ -113,6 +115,7 @@ class Summary(NamedTuple):
     """Of all places that were compared."""
 
     compared: int
+    beyond: int  # places beside others that lie further off than was searched
     mean_mm: float
     rms_mm: float
     percentiles_mm: dict[int, float]
@@ -127,15 +130,21 @@ class Summary(NamedTuple):
     what: str  # a change since another scan, or a deviation from a mesh or a plan
 
     @property
+    def is_changed(self) -> bool:
+        """Whether anything changed, or lies too far off to be measured."""
+        return bool(self.changed.any() or self.beyond)
+
+    @property
     def in_words(self) -> str:
         """The finding, one line."""
-        if not self.changed.any():
+        if not self.is_changed:
             limit = f"{self.detectable_mm:.3f} mm would be detected (95 %)"
             return f"No significant {self.what} at {self.compared} places; {limit}"
+        more = f"; {self.beyond} more places lie further off than depth_mm" if self.beyond else ""
         many = f"{int(self.changed.sum())} of {self.compared}"
         return (
             f"Significant {self.what} at {many} places; mean {self.mean_mm:+.3f} mm, "
-            f"from {self.percentiles_mm[1]:+.3f} to {self.percentiles_mm[99]:+.3f} mm (1 % to 99 %)"
+            f"from {self.percentiles_mm[1]:+.3f} to {self.percentiles_mm[99]:+.3f} mm (1 % to 99 %){more}"
         )
 
 
@@ -151,6 +160,7 @@ def summarise(
     counts, edges = np.histogram(values, bins=BINS, range=_range(values))
     return Summary(
         int(seen.sum()),
+        sum(len(part) for part in _beside(found, found.is_beyond, spacing_mm)),
         float(values.mean()),
         float(np.sqrt(np.mean(values**2))),
         {k: float(np.percentile(values, k)) for k in PERCENTILES},

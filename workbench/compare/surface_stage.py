@@ -37,6 +37,11 @@ class Surface:
     passes_apart_mm: float | None = 0.0  # of several passes, how far from one place they see a face; None: not known
     warnings: tuple[str, ...] = ()  # what was taken for granted of its file
 
+    @property
+    def extent_mm(self) -> float:
+        """Diagonal of the box about its points."""
+        return float(np.linalg.norm(np.ptp(self.points_mm, axis=0)))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Registration:
@@ -67,6 +72,7 @@ class Deviations:
     detectable_mm: Shaped[Float, " c"]  # level of detection at 95 %: below, no change is significant
     arc_length_mm: Shaped[Float, " c"]  # along the course
     across_mm: Shaped[Float, " c"]  # from the course, over the surface: for the map
+    is_beyond: Shaped[Bool, " c"]  # not compared: the reference lies further off than was searched
     sources: tuple[tuple[str, float], ...] = ()  # of u, each with its median in mm
     warnings: tuple[str, ...] = ()
 

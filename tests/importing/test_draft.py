@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -127,6 +128,88 @@ def test_frames_that_start_anew(tmp_path: Path, capsys: pytest.CaptureFixture[st
     told = capsys.readouterr().out
     assert "6 frames of 40 columns" in told
     assert "not confirmed: times.pitch_mm" in told
+
+
+POSE_NAMES = "time_s,x_mm,y_mm,z_mm,qw,qx,qy,qz,pass"
+
+
+def log_of(recording: Recording) -> str:
+    """The poses with their passes' numbers."""
+    columns = (recording.robot_time_s[:, None], recording.robot_position_mm, recording.robot_quaternion_wxyz)
+    return f"{POSE_NAMES}\n" + rows_of(np.hstack([*columns, recording.robot_pass[:, None]]).tolist())
+
+
+def points_of(recording: Recording) -> np.ndarray:
+    """Pass, number of the frame (from 7), time, x, z and whether it returned, of every 20th frame; a number for z."""
+    every = slice(None, None, 20)
+    z, x = recording.z_mm[every].astype(float), recording.x_mm[every].astype(float)
+    frame = (recording.pass_index[every], np.arange(len(z)) + 7, recording.time_s[every])
+    columns = [np.repeat(one, z.shape[1]) for one in frame]
+    lost = np.isnan(z)
+    return np.column_stack([*columns, x.ravel(), np.where(lost, 140.5, z).ravel(), ~lost.ravel()])
+
+
+def test_columns_are_told_by_what_they_do(
+    tmp_path: Path, two_pass: Recording, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Both passes in one table; a count of frames by no known name; what did not return says so."""
+    scan, robot, out = tmp_path / "scan.csv", tmp_path / "robot.csv", tmp_path / "a.h5"
+    scan.write_text("pass,shot,time_s,x_mm,z_mm,valid\n" + rows_of(points_of(two_pass).tolist()))
+    robot.write_text(log_of(two_pass))
+    tree, _ = drafted(tmp_path, capsys, scan, robot)
+    assert tree["profiles"]["columns"]["frame"] == "shot"
+    assert any("shot" in doubt for doubt in tree["uncertain"])
+    assert main(["import", str(scan), str(robot), "--mapping", str(tmp_path / "map.json"), "--out", str(out)]) == 0
+    made = read(recording=out)
+    np.testing.assert_array_equal(made.pass_index, two_pass.pass_index[::20])
+    np.testing.assert_array_equal(made.z_mm, two_pass.z_mm[::20])
+
+
+def test_passes_with_logs_of_their_own_share_a_clock(
+    tmp_path: Path, two_pass: Recording, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The second pass lies after the first log, in its own: no offset is made up."""
+    points, log = points_of(two_pass), log_of(two_pass).splitlines()
+    sources = []
+    for k in (0, 1):
+        sources += [tmp_path / f"scan{k}.csv", tmp_path / f"robot{k}.csv"]
+        sources[-2].write_text("frame,time_s,x_mm,z_mm\n" + rows_of(points[points[:, 0] == k, 1:5].tolist()))
+        rows = [row.rsplit(",", 1)[0] for row in log[1:] if float(row.rsplit(",", 1)[1]) == k]
+        sources[-1].write_text("\n".join([POSE_NAMES[:-5], *rows]) + "\n")
+    assert "times" not in drafted(tmp_path, capsys, *sources)[0]
+
+
+def test_an_encoder_may_count(tmp_path: Path, two_pass: Recording, capsys: pytest.CaptureFixture[str]) -> None:
+    """A way without a unit is a doubt; beyond the flange's way it is refused by both."""
+    points = points_of(two_pass)
+    points = points[points[:, 0] == 0]
+    points[:, 2] = 400 * (points[:, 1] - 7)
+    scan, robot = tmp_path / "scan.csv", tmp_path / "robot.csv"
+    scan.write_text("frame,encoder,x_mm,z_mm\n" + rows_of(points[:, 1:5].tolist()))
+    robot.write_text("\n".join(log_of(two_pass).splitlines()[:3]) + "\n")
+    tree, _ = drafted(tmp_path, capsys, scan, robot)
+    assert any("'encoder' is taken as mm" in doubt for doubt in tree["uncertain"])
+    assert any("mm on its" in text for text in tree["lacking"])
+
+
+NO_TABLES = {
+    "dates": ("t,x,y\n2026-03-01T10:00:00,1,2\n2026-03-01T10:00:01,1,2\n2026-03-01T10:00:02,1,2\n", "is no number"),
+    "uneven rows": ("1,2,3\n" * 3 + "1,2,3,4\n" * 9, "line 1 has another number of cells than line 11"),
+    "two units": (
+        "frame,X [mm],Z [um]\n" + "".join(f"{k // 4},{k % 4},3\n" for k in range(16)),
+        r"'X \[mm\]' in mm, 'Z \[um\]' in um",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", NO_TABLES)
+def test_what_keeps_a_table_from_being_read_is_named(
+    case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, words = NO_TABLES[case]
+    (tmp_path / "a.csv").write_text(text)
+    assert main(["import", "--draft", str(tmp_path / "a.csv"), "--out", str(tmp_path / "m.json")]) == 2
+    assert re.search(words, capsys.readouterr().err)
 
 
 @pytest.mark.parametrize("text", ["", "hello\n", "a,b\n1,2\n3,4\n", "\0\0\0\0", "1\n2\n3\n"])

@@ -166,7 +166,7 @@ def within(one: TimedPass, mapping: Mapping, source: str) -> Bool:
         f"{source}: frame {row + 1}",
         f"{(~inside).sum()} of {len(inside)} frames lie outside the poses of {one.poses.source}: expected "
         f"{pose_time_s[0]:.9g} to {pose_time_s[-1]:.9g} s, found {one.time_s[row]:.9g} s "
-        '(other clock, or "outside": "trim" in the mapping)',
+        f'({one.note}; another clock or unit, or "outside": "trim" in the mapping)',
     )
 
 
@@ -255,7 +255,8 @@ def by_travel(frames: ProfileFrames, poses: PoseStream, part: TimesPart) -> Time
     travel_mm = _travel(frames, part.pitch_mm) - part.start_mm
     poses = chosen_poses(poses, strides(poses.position_mm, CHORD_MM))
     way_mm = arc_lengths_mm(poses.position_mm)
-    note, has_clock = "from travel along the flange's way", poses.time_s is not None
+    reading = f"{travel_mm.min():.4g} to {travel_mm.max():.4g} mm on its {way_mm[-1]:.4g} mm"
+    note, has_clock = f"from travel along the flange's way, {reading}", poses.time_s is not None
     if poses.time_s is None:
         poses, note = replace(poses, time_s=way_mm), f"{note}; no clock: a mm of it counts as a second"
     assert poses.time_s is not None

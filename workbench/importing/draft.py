@@ -25,6 +25,7 @@ from workbench.importing.roles import (
     TURN_DEG,
     TURN_RAD,
     USUAL_REACH_MM,
+    WAY_BY_Y,
     Columns,
     Named,
     column_of,
@@ -150,6 +151,10 @@ def _table(source: Path, error: InputError) -> tuple[Form, Columns]:
             f"expected columns x and z of points, or x, y, z and an orientation, or joints; found {names}{known}. "
             f"Another form: {AS_ARRAYS}",
         )
+    places = [columns.roles[role] for role in ("x", "y", "z", "travel") if role in columns.roles]
+    if len(units := {one.unit: one.column for one in places if one.unit}) > 1:
+        names = ", ".join(f"{column!r} in {unit}" for unit, column in units.items())
+        raise InputError(str(source), f"expected lengths in one unit, found {names}")
     return form, columns
 
 
@@ -169,7 +174,9 @@ def _profiles(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
     )
     part: Tree = {**form.as_part(), "length_unit": unit}
     part["frames"] = _frames(form, columns, x)
-    names = {role: one.column for role, one in roles.items()}
+    names = {"scan_pass" if role == "pass" else role: one.column for role, one in roles.items()}
+    if "travel" in roles and not roles["travel"].unit and WAY_BY_Y not in columns.doubts:
+        doubts.append(f"profiles.columns.travel: {names['travel']!r} is taken as {unit} along the scan, not as counts")
     if part["frames"] != "column":
         names.pop("frame", None)
     doubts += _timed(part, "profiles", form, roles, FRAME_S)
@@ -377,9 +384,10 @@ def _times(tree: Tree, found: Sequence[Imported]) -> list[str]:
         return []
     poses, pose_s = streams[0]
     if frames.time_s is not None and pose_s is not None:
-        if frames.time_s[0] >= pose_s[0] and frames.time_s[-1] <= pose_s[-1]:
+        of_all = np.concatenate([times for _, times in streams if times is not None])  # a stream may be of one pass
+        if frames.time_s[0] >= of_all.min() and frames.time_s[-1] <= of_all.max():
             return []
-        offset = round(float(frames.time_s[0] - pose_s[0]), 9)
+        offset = round(float(frames.time_s[0] - of_all.min()), 9)
         tree["times"] = {"source": "file", "clock_offset_s": offset}
         return [f"times.clock_offset_s: the clocks differ; {offset:g} s puts the first frame on the first pose"]
     if poses == count and len(streams) == 1:

@@ -14,7 +14,7 @@ from workbench.importing import joints, poses, tables, tracker
 from workbench.importing.mapping import Mapping, claimed_by
 from workbench.importing.mapping_parts import TextPart
 from workbench.importing.neutral import Imported
-from workbench.importing.text import first_bytes, head_text, otherwise_separated
+from workbench.importing.text import first_bytes, head_text, otherwise_separated, why_no_table
 from workbench.storage import regular_file
 
 KINDS = (  # modules of workbench.importing
@@ -72,6 +72,8 @@ def read_source(path: Path, mapping: Mapping) -> Imported:
             raise InputError(str(path), f"may be {names}: name it by 'files' in the mapping (docs/importing.md)")
         if other := _other(path, head) or _otherwise_separated(head, mapping):
             raise InputError(str(path), other)
+        if why := why_no_table(head):
+            raise InputError(str(path), f"is no table of numbers: {why}")
         first_line = head_text(head).split("\n", 1)[0][:60]
         draft = "of a table `workbench import --draft` begins a mapping"
         raise InputError(str(path), f"is in no known form (docs/importing.md): {draft}; its first line: {first_line!r}")

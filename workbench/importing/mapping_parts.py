@@ -103,6 +103,7 @@ class ProfileColumns(Part):
     travel: Column | None = Field(default=None, description="way along the scan (encoder), the same in all its rows")
     valid: Column | None = Field(default=None, description="0 where the point means no return")
     index: Column | None = Field(default=None, description="a number that rises within a frame")
+    scan_pass: Column | None = Field(default=None, description="number of the scanning pass, as in the table of poses")
 
 
 class ProfilesPart(TextPart):

@@ -19,11 +19,13 @@ ROLES = {  # names of a column, in small letters without what stands between wor
     "x": "x xpos posx lateral",
     "y": "y ypos posy",
     "z": "z zpos posz range height distance depth",
-    "frame": "frame profile profileno profileid profilenumber scan frameid framenumber frameno line profileindex",
+    "frame": "frame frameid framenumber frameno profile profileno profileid profilenumber profileindex profil "
+    "scan line",
     "time": "t time stamp timestamp clock zeit ipoc",
     "intensity": "intensity brightness luminance reflectance",
     "travel": "encoder travel feed",
     "pass": "pass scanpass",
+    "valid": "valid isvalid",
     **dict(zip(OWN, OWN, strict=True)),
     **{"qw": "qw u0", "qx": "qx u1", "qy": "qy u2", "qz": "qz u3"},  # u: EgmQuaternion
 }
@@ -58,6 +60,7 @@ TURN_RAD, TURN_DEG = 2 * np.pi + 1e-3, 720.0  # beyond which numbers are no angl
 FEWEST_RANGES = 48  # columns from which a row without names is a profile
 UR_REACH_M = 2.5  # of the flange, a pedestal or a table's frame included
 COUNTER = "counter"
+OF_A_PROFILE = ("x", "z", "frame", "time", "travel", "intensity", "valid", "pass")
 WAY_BY_Y = "profiles.columns: a profile's x and z with its way y, not the places of a robot or a cloud"
 
 
@@ -128,17 +131,36 @@ def _by_name(form: Form) -> Columns:
     if {"x", "y", "z"} <= set(found) and "frame" not in found and not steady(column_of(form, found["y"])):
         return Columns("", {"a cloud: see cloud.read and `workbench look`": found["x"]})
     if {"x", "z"} <= set(found):
-        roles = {role: found[role] for role in ("x", "z", "frame", "time", "travel", "intensity") if role in found}
-        if "y" in found:
-            roles.setdefault("travel", found["y"])
-        roles = {
-            role: one for role, one in roles.items() if role in ("x", "z", "intensity") or steady(column_of(form, one))
-        }
-        if roles.get("travel", found["x"]) is found.get("y"):
-            return Columns("profiles", roles, doubts=(WAY_BY_Y,))
-        return Columns("profiles", roles)
+        return _profile(form, found)
     numbered = all(re.fullmatch(r"[\d.]*", name) for name in form.header)  # columns that are counted, not named
     return Columns("rows", {}) if numbered and form.rows.shape[1] >= FEWEST_RANGES else Columns("", found)
+
+
+def _profile(form: Form, found: dict[str, Named]) -> Columns:
+    """Columns of points: what else is named counts if it behaves so."""
+    roles = {role: found[role] for role in OF_A_PROFILE if role in found}
+    doubts: tuple[str, ...] = ()
+    if "y" in found:
+        roles.setdefault("travel", found["y"])
+    behaves = {"valid": lambda values: np.isin(values, (0.0, 1.0)).all(), "pass": _whole}
+    behaves |= dict.fromkeys(("frame", "time", "travel"), steady)
+    roles = {role: one for role, one in roles.items() if role not in behaves or behaves[role](column_of(form, one))}
+    if "time" in roles and "frame" not in roles and (count := _changing_with(form, roles)):
+        roles["frame"], doubts = count, (f"profiles.columns.frame: {count.column!r} changes with the time",)
+    if roles.get("travel", found["x"]) is found.get("y"):
+        doubts = (*doubts, WAY_BY_Y)
+    return Columns("profiles", roles, doubts=doubts)
+
+
+def _changing_with(form: Form, roles: dict[str, Named]) -> Named | None:
+    """A column of whole numbers that rises where the frames' time changes, and only there."""
+    changes = np.diff(column_of(form, roles["time"])) != 0
+    used = {one.column for one in roles.values()}
+    for name in form.header:
+        values = form.rows[:, form.header.index(name)]
+        if name not in used and _whole(values) and ((np.diff(values) > 0) == changes).all():
+            return Named(name, "")
+    return None
 
 
 def _joints_named(form: Form) -> dict[str, Named]:

@@ -38,7 +38,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
     """The frames of a table.
 
     Raises:
-        InputError: a column is missing, a cell is no number, a time or travel that changes within a frame.
+        InputError: a column is missing, a cell is no number, a time, travel or pass that changes within a frame.
     """
     part = part_of(mapping.profiles, KNOWN, path, first_bytes(path))
     assert part is not None
@@ -55,6 +55,7 @@ def _read_points(path: Path, part: ProfilesPart) -> Imported:
         x, z = (bounded(without(table.columns[role], part.missing) * unit) for role in ("x", "z"))
         if "valid" in table.columns:
             z[table.within("valid", table.present("valid"), 0, 1) == 0] = np.nan
+        table.whole("scan_pass")
         points.add(x, z, np.flatnonzero(first), _intensities(table) if "intensity" in table.columns else None)
     assert table is not None
     if points.rows > 1 and points.frames > points.rows / 2:
@@ -67,6 +68,7 @@ def _read_points(path: Path, part: ProfilesPart) -> Imported:
         grid.z_mm,
         time_s=values.of("time", TIME_S[part.time_unit or "s"]),
         travel_mm=values.of("travel", unit),
+        pass_index=None if (number := values.of("scan_pass", 1.0)) is None else number.astype(np.int64),
         intensity=grid.intensity,
         sensor="GoPxL" if part is GOPXL else None,
         length_unit=part.length_unit,
@@ -87,11 +89,11 @@ class FrameValues:
     def __init__(self, part: ProfilesPart) -> None:
         self.part, self.second_line = part, 1
         self._last: dict[str, float] = {}
-        self._values: dict[str, list[Float]] = {"time": [], "travel": []}
+        self._values: dict[str, list[Float]] = {"time": [], "travel": [], "scan_pass": []}
         self._way: tuple[float, float] | None = None  # for 'restart': sign of the usual step, span of x
 
     def add(self, table: Table) -> Bool:
-        """(R,) True at each frame's first row; InputError where time or travel change within a frame."""
+        """(R,) True at each frame's first row; InputError where what has one value per frame changes in it."""
         begun = bool(self._last)
         first = self._first(table)
         if not begun:

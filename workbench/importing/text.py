@@ -204,7 +204,8 @@ def _under(lines: list[str], delimiter: str, decimal: str, whole: bool) -> Form 
             count, first = run, at
         at += run
     last = first + count
-    if count < FEWEST_ROWS or count < 0.5 * (len(rows) - first):
+    above = [row for row in rows[:first] if 2 * len(row[1]) > len(rows[first][1])]  # of numbers too, but uneven
+    if count < FEWEST_ROWS or count < 0.5 * (len(rows) - first) or len(above) > 1:
         return None
     table = np.array([row[1] for row in rows[first:last]], float)
     if not np.isfinite(table).any() or table.shape[1] < 2:
@@ -215,6 +216,27 @@ def _under(lines: list[str], delimiter: str, decimal: str, whole: bool) -> Form 
     places = [row[0] for row in rows[first:last]]
     blank = np.diff(places, prepend=places[0] - 1) > 1
     return Form(delimiter, decimal, rows[top - 1][0] if header else places[0], header, table, blank, whole)
+
+
+def why_no_table(head: bytes) -> str:
+    """What keeps a text that is mostly numbers from being a table; '' where it is not."""
+    lines = [(k, line) for k, line in numbered(head_text(head))][:-1] or [(1, "")]
+    at, line = lines[-1]
+
+    def read(text: str, way: tuple[str, str]) -> list[bool]:
+        return [number(cell, way[1]) is not None for cell in cells(text, way[0])]
+
+    way = max(WAYS, key=lambda one: sum(read(line, one)))
+    good = read(line, way)
+    if sum(good) < FEWEST_ROWS:
+        return ""
+    if not all(good):
+        return f"line {at}: {_shown(cells(line, way[0])[good.index(False)])} is no number"
+    other = next((k for k, text in lines if all(read(text, way)) and len(read(text, way)) != len(good)), None)
+    if other is None:
+        return ""
+    uneven = "a row of ranges has a cell for each column, empty where nothing returned"
+    return f"line {other} has another number of cells than line {at}, which has {len(good)}: {uneven}"
 
 
 def _header(

@@ -204,6 +204,13 @@ def test_points_without_coordinates_are_left_out(tmp_path: Path, points: Float) 
     points[7] = np.nan
     np.savetxt(path, points)
     assert len(read(file=path).points_mm) == len(points) - 1
+    points[7:9] = 0.0  # a corner of a mesh may lie there
+    np.savetxt(path, points)
+    assert len(read(file=path, unit="mm").points_mm) == len(points)
+    np.savetxt(path, np.vstack([points, np.zeros((300, 3))]))
+    made = read(file=path, unit="mm")
+    assert len(made.points_mm) == len(points) - 2
+    assert "302 points at 0, 0, 0" in made.warnings[0]
     points[7] = np.inf
     np.savetxt(path, points)
     with pytest.raises(InputError, match=r"point 8: expected coordinates in mm"):

@@ -19,6 +19,7 @@ from workbench.units import Float
 OF_FORMAT: dict[str, Unit] = {".e57": "m"}  # ASTM E2807 says so; the others do not
 IN_HEAD = re.compile(rb"\bunit:? (mm|m|inch)\b")  # as `export.cloud` says it where a format has no field for it
 LEAST_POINTS = 100
+LEAST_ZEROS = 0.01  # share of points at exactly 0, 0, 0 that are a scanner's code for no return
 HEAD_BYTES = 4096  # that hold a header
 LEAST_MM, MOST_MM = 12.0, 30_000.0  # longest side of a part's cloud: 300 mm in inches are refused
 FAR_MM = 1e6  # no robot reaches a point a kilometre away
@@ -36,7 +37,7 @@ def read(
     """Read a cloud: PLY, PCD, XYZ (txt, asc, csv), STL or OBJ vertices (Open3D), LAS or LAZ (laspy), E57 (pye57).
 
     In the file's frame, precision and order; an organised PCD keeps rows and columns.
-    NaN points are left out; scans of an E57 file are placed by their poses.
+    NaN points are left out, and so are many at 0, 0, 0; scans of an E57 file are placed by their poses.
 
     Args:
         file: the cloud; the suffix of its name gives the format.
@@ -58,12 +59,17 @@ def read(
     stated = unit or unit_stated(file)
     used: Unit = stated or "mm"
     points = in_process(file) * MM[used]
+    told: tuple[str, ...] = ()
+    at_zero = (points == 0.0).all(axis=1)
+    if at_zero.sum() > max(LEAST_POINTS, LEAST_ZEROS * len(points)):
+        points[at_zero] = np.nan
+        told = (f"{file.name}: {at_zero.sum()} points at 0, 0, 0 are taken as no return",)
     seen = np.flatnonzero(~np.isnan(points).any(axis=1))
     rows, columns = grid_of(file) if suffix == ".pcd" else (0, 0)
     row, column = np.divmod(seen, columns) if rows > 1 and rows * columns == len(points) else (None, None)
     check_size(points[seen], used, str(file))
-    taken = () if stated else (_taken_for_granted(points[seen], file),)
-    return PointSet(frozen(points[seen]), str(file), UNKNOWN_PART.with_names(part), row, column, taken)
+    told += () if stated else (_taken_for_granted(points[seen], file),)
+    return PointSet(frozen(points[seen]), str(file), UNKNOWN_PART.with_names(part), row, column, told)
 
 
 def unit_stated(file: Path) -> Unit | None:

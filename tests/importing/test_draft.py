@@ -194,10 +194,10 @@ def test_an_encoder_may_count(tmp_path: Path, two_pass: Recording, capsys: pytes
 
 NO_TABLES = {
     "dates": ("t,x,y\n2026-03-01T10:00:00,1,2\n2026-03-01T10:00:01,1,2\n2026-03-01T10:00:02,1,2\n", "is no number"),
-    "uneven rows": ("1,2,3\n" * 3 + "1,2,3,4\n" * 9, "line 1 has another number of cells than line 11"),
+    "uneven rows": ("1,2,3\n" * 3 + "1,2,3,4\n" * 9, "line 1 has another number of cells than line 11 with 4"),
     "two units": (
         "frame,X [mm],Z [um]\n" + "".join(f"{k // 4},{k % 4},3\n" for k in range(16)),
-        r"'X \[mm\]' in mm, 'Z \[um\]' in um",
+        r"'X \[mm\]' and 'Z \[um\]'",
     ),
 }
 

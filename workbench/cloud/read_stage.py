@@ -19,7 +19,6 @@ from workbench.units import Float
 OF_FORMAT: dict[str, Unit] = {".e57": "m"}  # ASTM E2807 says so; the others do not
 IN_HEAD = re.compile(rb"\bunit:? (mm|m|inch)\b")  # as `export.cloud` says it where a format has no field for it
 LEAST_POINTS = 100
-LEAST_ZEROS = 0.01  # share of points at exactly 0, 0, 0 that are a scanner's code for no return
 HEAD_BYTES = 4096  # that hold a header
 LEAST_MM, MOST_MM = 12.0, 30_000.0  # longest side of a part's cloud: 300 mm in inches are refused
 FAR_MM = 1e6  # no robot reaches a point a kilometre away
@@ -60,10 +59,8 @@ def read(
     used: Unit = stated or "mm"
     points = in_process(file) * MM[used]
     told: tuple[str, ...] = ()
-    at_zero = (points == 0.0).all(axis=1)
-    if at_zero.sum() > max(LEAST_POINTS, LEAST_ZEROS * len(points)):
-        points[at_zero] = np.nan
-        told = (f"{file.name}: {at_zero.sum()} points at 0, 0, 0 are taken as no return",)
+    if (lost := (points == 0.0).all(axis=1)).sum() > LEAST_POINTS:  # fewer may be a corner of a mesh
+        points[lost], told = np.nan, (f"{file.name}: {lost.sum()} points at 0, 0, 0 are taken as no return",)
     seen = np.flatnonzero(~np.isnan(points).any(axis=1))
     rows, columns = grid_of(file) if suffix == ".pcd" else (0, 0)
     row, column = np.divmod(seen, columns) if rows > 1 and rows * columns == len(points) else (None, None)

@@ -86,7 +86,6 @@ def _facts(summary: Summary, found: Deviations, scan: Surface, reference: Surfac
         ("Scan", PurePath(scan.source).name),
         ("Reference", PurePath(reference.source).name),
         ("Places compared", f"{summary.compared} of {len(found.distance_mm)}"),
-        ("Places further off than was searched", f"{summary.beyond}"),
         ("Mean", f"{summary.mean_mm:+.4f} mm"),
         ("Root mean square", f"{summary.rms_mm:.4f} mm"),
         ("Level of detection (95 %), median", f"{summary.detectable_mm:.4f} mm"),

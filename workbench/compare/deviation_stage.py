@@ -97,9 +97,8 @@ def deviation(
         words = f"only {summary.compared} of {len(found.distance_mm)} places find the reference within {depth_mm:g} mm"
         raise InputError(
             scan.source or "compare.deviation",
-            f"{words}: expected surfaces that lie on each other, in one unit (the scan extends over "
-            f"{scan.extent_mm:.3g} mm, the reference over {reference.extent_mm:.3g} mm), and three frames or more in a "
-            "cylinder (projection_mm)",
+            f"{words}: expected surfaces that lie on each other, in one unit, and "
+            "three frames or more in a cylinder (projection_mm)",
         )
     return (
         found,

@@ -245,13 +245,12 @@ def _check(
 ) -> None:
     where = scan.source or "compare.register"
     if equations.use.sum() < LEAST_PLACES or overlap < least:
-        turned = "" if reference.triangles is None else ", a mesh turned inside out"
+        long = [float(np.ptp(one.points_mm, axis=0).max()) for one in (scan, reference)]
         raise InputError(
             where,
             f"only {100 * overlap:.0f} % of the scan lies on the reference ({equations.use.sum()} "
-            f"places), expected at least {100 * least:.0f} %: another part or unit{turned}, or too "
-            f"far off to start? The scan extends over {scan.extent_mm:.3g} mm, the reference over "
-            f"{reference.extent_mm:.3g} mm",
+            f"places), expected at least {100 * least:.0f} %: another part or unit, a mesh turned inside out, or too "
+            f"far off to start? They are {long[0]:.3g} and {long[1]:.3g} mm long",
         )
     if rms_mm > most_mm:
         raise InputError(

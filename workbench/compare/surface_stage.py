@@ -37,11 +37,6 @@ class Surface:
     passes_apart_mm: float | None = 0.0  # of several passes, how far from one place they see a face; None: not known
     warnings: tuple[str, ...] = ()  # what was taken for granted of its file
 
-    @property
-    def extent_mm(self) -> float:
-        """Diagonal of the box about its points."""
-        return float(np.linalg.norm(np.ptp(self.points_mm, axis=0)))
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Registration:

@@ -43,6 +43,7 @@ STREAM, STREAM_S = 500, (1e-3, 1.0)  # so many poses are a controller's stream
 CODES = (-999.999, -999.99, -999.0, -9999.0, -99999.0, -99.99, 0.0, -32768.0, 32767.0, 65535.0, 9999.0, 99999.0)
 MOST = 10**6  # ranges that are looked at for them
 CODE_GAP = 0.3  # share of the other values' span that lies free around a code for 'no return'
+LENGTHWISE = ("x", "y", "z", "travel")
 Tree = dict[str, Any]
 Size = tuple[float, tuple[float, float]]  # as the file has it; usual ones, mm or s
 
@@ -151,9 +152,9 @@ def _table(source: Path, error: InputError) -> tuple[Form, Columns]:
             f"expected columns x and z of points, or x, y, z and an orientation, or joints; found {names}{known}. "
             f"Another form: {AS_ARRAYS}",
         )
-    places = [columns.roles[role] for role in ("x", "y", "z", "travel") if role in columns.roles]
-    if len(units := {one.unit: one.column for one in places if one.unit}) > 1:
-        names = ", ".join(f"{column!r} in {unit}" for unit, column in units.items())
+    stated = {one.unit: one.column for role, one in columns.roles.items() if role in LENGTHWISE and one.unit}
+    if len(stated) > 1:
+        names = " and ".join(map(repr, stated.values()))
         raise InputError(str(source), f"expected lengths in one unit, found {names}")
     return form, columns
 

@@ -142,8 +142,7 @@ def _profile(form: Form, found: dict[str, Named]) -> Columns:
     doubts: tuple[str, ...] = ()
     if "y" in found:
         roles.setdefault("travel", found["y"])
-    behaves = {"valid": lambda values: np.isin(values, (0.0, 1.0)).all(), "pass": _whole}
-    behaves |= dict.fromkeys(("frame", "time", "travel"), steady)
+    behaves = {"valid": _labels, "pass": _whole} | dict.fromkeys(("frame", "time", "travel"), steady)
     roles = {role: one for role, one in roles.items() if role not in behaves or behaves[role](column_of(form, one))}
     if "time" in roles and "frame" not in roles and (count := _changing_with(form, roles)):
         roles["frame"], doubts = count, (f"profiles.columns.frame: {count.column!r} changes with the time",)

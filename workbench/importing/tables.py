@@ -11,7 +11,7 @@ from workbench.importing.mapping import Mapping
 from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, ProfileColumns, ProfilesPart
 from workbench.importing.neutral import Imported, Points, ProfileFrames, bounded, without
 from workbench.importing.text import Table, first_bytes, part_of, slabs
-from workbench.units import AnyArray, Bool, Float
+from workbench.units import AnyArray, Bool, Float, Int
 
 NAME = "table of profiles (by the mapping)"
 POINT = ProfileColumns(x="x_mm", z="z_mm", frame="frame", time="time_s")
@@ -68,7 +68,7 @@ def _read_points(path: Path, part: ProfilesPart) -> Imported:
         grid.z_mm,
         time_s=values.of("time", TIME_S[part.time_unit or "s"]),
         travel_mm=values.of("travel", unit),
-        pass_index=None if (number := values.of("scan_pass", 1.0)) is None else number.astype(np.int64),
+        pass_index=values.pass_index,
         intensity=grid.intensity,
         sensor="GoPxL" if part is GOPXL else None,
         length_unit=part.length_unit,
@@ -112,6 +112,12 @@ class FrameValues:
     def of(self, role: str, unit: float) -> Float | None:
         """One value per frame; None where the table has none."""
         return np.concatenate(self._values[role]) * unit if self._values[role] else None
+
+    @property
+    def pass_index(self) -> Int | None:
+        """(N,) number of each frame's pass; None where the table has none."""
+        found = self.of("scan_pass", 1.0)
+        return None if found is None else found.astype(np.int64)
 
     def _first(self, table: Table) -> Bool:
         if self.part.frames == "column":

@@ -219,24 +219,17 @@ def _under(lines: list[str], delimiter: str, decimal: str, whole: bool) -> Form 
 
 
 def why_no_table(head: bytes) -> str:
-    """What keeps a text that is mostly numbers from being a table; '' where it is not."""
-    lines = [(k, line) for k, line in numbered(head_text(head))][:-1] or [(1, "")]
-    at, line = lines[-1]
-
-    def read(text: str, way: tuple[str, str]) -> list[bool]:
-        return [number(cell, way[1]) is not None for cell in cells(text, way[0])]
-
-    way = max(WAYS, key=lambda one: sum(read(line, one)))
-    good = read(line, way)
-    if sum(good) < FEWEST_ROWS:
-        return ""
-    if not all(good):
-        return f"line {at}: {_shown(cells(line, way[0])[good.index(False)])} is no number"
-    other = next((k for k, text in lines if all(read(text, way)) and len(read(text, way)) != len(good)), None)
-    if other is None:
-        return ""
+    """What keeps a text that is mostly numbers from being a table, by its last whole line; '' where it is none."""
+    lines = dict(list(numbered(head_text(head)))[:-1])
+    at, line = max(lines.items(), default=(0, ""))
+    way = max(WAYS, key=lambda one: sum(number(cell, one[1]) is not None for cell in cells(line, one[0])))
+    words = [cell for cell in cells(line, way[0]) if number(cell, way[1]) is None]
+    count = len(_numbers(line, *way))
+    if words:
+        return f"line {at}: {_shown(words[0])} is no number" if len(cells(line, way[0])) > 2 * len(words) else ""
+    other = next((k for k, text in lines.items() if len(_numbers(text, *way)) not in (0, count)), at)
     uneven = "a row of ranges has a cell for each column, empty where nothing returned"
-    return f"line {other} has another number of cells than line {at}, which has {len(good)}: {uneven}"
+    return "" if other == at else f"line {other} has another number of cells than line {at} with {count}: {uneven}"
 
 
 def _header(

@@ -50,7 +50,6 @@ class DeviationFile(PartFile):
     finding: str
     changed: bool
     compared: int
-    beyond_depth: int = Field(0, description="places beside others that lie further off than depth_mm")
     mean_mm: Unknown
     rms_mm: UnknownU
     percentiles_mm: dict[str, Unknown]

@@ -219,6 +219,21 @@ def test_one_study_has_one_unit(in_radians: list[str], settings: dict[str, Any],
         study(study=written(tmp_path, head + "\n".join(lines)), **settings)
 
 
+@pytest.mark.parametrize("mixed", ["", "B measured P1 as P3, P3 as P1", "sections of B run the other way"])
+def test_an_operator_who_took_parts_or_sections_for_others_is_named(mixed: str, tmp_path: Path) -> None:
+    """It only showed as a large reproducibility."""
+    lines = []
+    for k in range(5 * 3 * 2 * 3):
+        part, who, trial, section = k // 18, "ABC"[k // 6 % 3], k // 3 % 2 + 1, k % 3
+        if who == "B":
+            part = {1: 3, 3: 1}.get(part, part) if "P1" in mixed else part
+            section = 2 - section if "sections" in mixed else section
+        size = 1.5 + 0.1 * part + 0.05 * part * section + 0.01 * np.sin(7.0 * k)
+        lines.append(f"P{k // 18},{who},{trial},{k % 3 + 1},{size},0.01")
+    told = found(tmp_path, rows(*lines))[0]["warnings"]
+    assert [mixed in words for words in told] == [True] * bool(mixed)
+
+
 @pytest.mark.parametrize("slip", [1501.0, -1.5, 0.00151])
 def test_a_single_value_of_another_size_is_named(tmp_path: Path, slip: float) -> None:
     """One in micrometres, or of the other sign, was a gauge's error: all studies with it passed as they were."""

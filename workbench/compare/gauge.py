@@ -18,6 +18,8 @@ from workbench.compare.measurements import Study, title_of
 from workbench.errors import InputError
 from workbench.units import COVERAGE, Float, Int, Shaped
 
+CLEAR = 0.1  # of the squares of an operator's differences, what another order leaves of them if it is the right one
+
 
 class Source(NamedTuple):
     """A row of the table, mean of the sections. NaN: the study has one level of it, or nothing to compare it with."""
@@ -260,6 +262,25 @@ class Characteristic(NamedTuple):
     def title(self) -> str:
         """Its name for a reader."""
         return title_of(self.name)
+
+
+def confused(values: Float, study: Study, name: str) -> tuple[str, ...]:
+    """Operators whose values (parts, operators, trials, sections) agree with the others' in another order only."""
+    cell, told = values.mean(axis=2), []
+    for o, who in enumerate(study.operators):
+        mine, others = cell[:, o] - cell[:, o].mean(), np.delete(cell, o, axis=1).mean(axis=1)
+        others = others - others.mean()
+        level = mine - mine.mean(axis=0) + others.mean(axis=0)  # less what the operator errs in each section
+        apart = ((level[:, None] - others) ** 2).sum(axis=2)
+        taken = scipy.optimize.linear_sum_assignment(apart)[1]
+        swapped = [f"{study.parts[k]} as {study.parts[p]}" for k, p in enumerate(taken) if p != k]
+        if apart[np.arange(len(taken)), taken].sum() < CLEAR * np.trace(apart):
+            told.append(
+                f"{title_of(name).lower()}: by the others' values {who} measured {', '.join(swapped)}: confused?"
+            )
+        elif ((mine[:, ::-1] - others) ** 2).sum() < CLEAR * ((mine - others) ** 2).sum():
+            told.append(f"{title_of(name).lower()}: the sections of {who} run the other way than the others'")
+    return tuple(told)
 
 
 def seen_everywhere(study: Study, name: str) -> tuple[Int, tuple[str, ...]]:

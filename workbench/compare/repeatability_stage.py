@@ -19,6 +19,7 @@ from workbench.compare.gauge import (
     SectionGauge,
     agreement,
     analyse,
+    confused,
     gauge,
     seen_everywhere,
 )
@@ -137,6 +138,8 @@ def _characteristic(study: Study, name: str, interaction_alpha: float) -> Charac
     width = None if limits is None else limits[1] - limits[0]
     values = study.measured[name][..., use]
     anova = analyse(values, interaction_alpha)
+    if not anova.pooled:
+        warnings += confused(values, study, name)
     sections = tuple(
         SectionGauge(
             study.section[k],

@@ -69,6 +69,14 @@ def test_a_rough_face_is_its_plane_over_20_mm(seed: int) -> None:
     assert (np.abs(turn) < 3 * edge.normal_u[edge.seen] / DEG).all()
 
 
+def test_frames_that_lose_the_lower_part_of_the_face_bend_no_edge() -> None:
+    """The last returns of 12 mm of it lie 5 mm higher, which the first look follows."""
+    recording, truth = simulate_swept(random_swept_recipe("swept_raw_lost_blocks", 17860000))
+    edge = segment_raw(denoise(fuse(recording)), upper_side=rough_upper_side(truth))
+    tangent = at_stations(SimpleNamespace(truth=truth), edge, "tangent")
+    assert np.linalg.norm(np.cross(edge.tangent[edge.seen], tangent), axis=1).max() < 0.1 * DEG
+
+
 @pytest.mark.parametrize("side", ["lower", *seldom("upper")])
 def test_burrs_are_reported_and_move_no_edge(scanned: Scans, side: str) -> None:
     burr = {"edge": side, "from_mm": 14.0, "to_mm": 24.0, "height_mm": 0.4, "width_mm": 0.4}

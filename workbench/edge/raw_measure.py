@@ -19,7 +19,7 @@ from workbench.edge.broken_end import BrokenEnd, FaceRim, broken_end, weights, w
 from workbench.edge.directions import LOCAL_MM, TOGETHER_MM, go_together, near_slope, wrapped
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.frame_ends import missing_share
-from workbench.edge.measure import check_advance, edge_direction
+from workbench.edge.measure import ASTRAY_MM, MOST_ROUNDS, check_advance, edge_direction
 from workbench.edge.raw_faces import GAP_MM, FaceEnds, RawFaces, middle_of, outward_of
 from workbench.edge.raw_local import local_mean
 from workbench.edge.steps import own_places, readings
@@ -147,6 +147,8 @@ class Robot(NamedTuple):
 def measure_raw_edge(cloud: Cloud, found: RawFaces, condition: EdgeCondition, robot: Robot) -> RawMeasured:
     """Estimate the state of a raw edge: starts from the faces' middles, repeats with the lower edge that this gives.
 
+    Until it lies within ASTRAY_MM of the curve that it was measured from: a curve of its own bends turns all sections.
+
     condition: what is known of its edges before. robot: errors of its recorded positions, where they are declared.
 
     Raises InputError where the frames do not run along an edge.
@@ -170,17 +172,18 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces, condition: EdgeCondition, ro
     own = seen & (own > 0.5 * own[seen].max())  # where a part of the face is hidden, so is its middle
     curve = fit_curve(middle[own], s[own], cloud.pass_index[own])
     shared = robot.before
-    for whole in (False, True):
+    for k in range(MOST_ROUNDS + 1):
         s[seen] = curve.project(middle[seen], s[seen])
-        state = _state(cloud, found, curve, s, whole, condition, shared)
-        if not whole:
-            counted = state.stands_out_mm + state.out.bend(np.nan_to_num(state.s_face))
-            shared = robot.shared(state.s_face, counted, cloud.pass_index)
+        state = _state(cloud, found, curve, s, k > 0, condition, shared)
         on = np.isfinite(state.lower.s) & np.isfinite(state.stands_out_mm)
         low = state.lower.s[on]
+        if k > 1 and np.abs(state.lower.value(low)).max() < ASTRAY_MM:
+            break
+        if k == 0:
+            counted = state.stands_out_mm + state.out.bend(np.nan_to_num(state.s_face))
+            shared = robot.shared(state.s_face, counted, cloud.pass_index)
         curve = curve_through(functools.partial(_lower_edge, state), low.min(), low.max())
-    s[seen] = curve.project(middle[seen], s[seen])
-    return _state(cloud, found, curve, s, True, condition, shared)
+    return state
 
 
 def unevenness(measured: RawMeasured, at: Float) -> Float:

@@ -39,7 +39,7 @@ def coverage(height_mm: float) -> tuple[float, float]:
     ratios: list[float] = []
     rng = np.random.default_rng(3)
     along, across, square = np.array([0.6, 0.0, 0.8]), np.array([0.0, 1.0, 0.0]), np.array([-0.8, 0.0, 0.6])
-    for seed in range(50):
+    for seed in range(90):
         s = np.arange(0, rng.uniform(50, 160), 0.2)
         wave, slope = height_mm * np.sin(s / 25), height_mm / 25 * np.cos(s / 25)
         noise = np.random.default_rng([seed, 3]).normal(0, 0.03, (s.size, 3))

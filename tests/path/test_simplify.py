@@ -144,7 +144,7 @@ def with_points(path: Toolpath, position, quaternion) -> Toolpath:
     return replace(path, layers=(layer,), travels=())
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None, derandomize=True)
 @given(
     seed=st.integers(0, 10**6),
     size=st.floats(1e-4, 30),

@@ -108,14 +108,14 @@ def test_postures_that_a_robot_comes_back_to_count_once(tmp_path: Path, shipped:
 
 @pytest.mark.parametrize("one", [one_tracked, one_sphere])
 def test_errors_are_those_of_the_bound_and_the_stated_ones(one: Any) -> None:
-    """Over five robots drawn from the stages' priors: without tilts of axes lengths were up to 18 u off."""
+    """Over eight robots drawn from the stages' priors: without tilts of axes lengths were up to 18 u off."""
     tilt = inspect.signature(robot_stage).parameters["tilt_prior_deg"].default * DEG
-    found = [one(seed, tilt) for seed in range(500, 505)]
+    found = [one(seed, tilt) for seed in range(500, 508)]
     z = np.array([error / np.sqrt(np.diagonal(covariance)) for error, covariance, _ in found])
     assert np.abs(z).max() < 4.0
     assert 0.8 < np.sqrt(np.mean(z**2)) < 1.15
     squared = [error @ np.linalg.solve(covariance, error) for error, covariance, _ in found]
-    assert np.sum(np.array(squared) < chi2.ppf(0.95, z.shape[1])) >= 3  # by chance fewer once in 860 times
+    assert np.sum(np.array(squared) < chi2.ppf(0.95, z.shape[1])) >= 6  # by chance fewer once in 170 times
     stated, bound = (np.sqrt(np.mean([np.diagonal(f[k]) for f in found], axis=0)) for k in (1, 2))
     np.testing.assert_allclose(stated, bound, rtol=0.1)
 

@@ -64,13 +64,13 @@ def off_axis(found: dict[str, Any]) -> Float:
 
 def test_the_axis_lies_within_what_scans_and_hand_eye_say(tmp_path: Path) -> None:
     chi = []
-    for seed in range(5):
+    for seed in range(8):
         rng = np.random.default_rng([seed, 3])
         found = calibrated(scanned(rng, on_table()), **files(tmp_path, rng))
         off = off_axis(found)
         chi.append(off @ np.linalg.solve(np.array(found["covariance"]), off))
         assert found["points"] == 3
-    assert 2.0 < np.mean(chi) < 6.3  # four degrees of freedom, five tables: 4 +- 1.3
+    assert 2.4 < np.mean(chi) < 5.8  # four degrees of freedom, eight tables: 4 +- 1
 
 
 def test_what_the_hand_eye_leaves_open_is_in_u(tmp_path: Path) -> None:

@@ -340,7 +340,7 @@ def test_a_step_at_an_angle_is_told_and_stands_in_u(tmp_path: Path) -> None:
 def test_a_drift_of_one_marker_is_no_error_of_the_angles(tmp_path: Path) -> None:
     """Six angles' errors would explain most of it: unknown to the fit, it was told in 4 of 23, the axis 3.4 u off."""
     told = 0
-    for seed in range(4):
+    for seed in range(8):
         rng = np.random.default_rng(1000 + seed)
         rows = [row.split(",") for row in mark_rows(rng, markers=1, angles=(0, 60, 120, 180, 240, 300))]
         for k, row in enumerate(rows):
@@ -348,7 +348,7 @@ def test_a_drift_of_one_marker_is_no_error_of_the_angles(tmp_path: Path) -> None
         with contextlib.suppress(InputError):
             found = turned(tmp_path, [",".join(row) for row in rows])
             told += any("the markers drift" in words for words in found["warnings"])
-    assert told > 1
+    assert told > 2
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -49,7 +49,7 @@ def thinned(path: Toolpath, every: int) -> Toolpath:
 
 @pytest.fixture(scope="module")
 def path() -> Toolpath:
-    return thinned(read(toolpath=PATH), 24)
+    return thinned(read(toolpath=PATH), 15)
 
 
 @pytest.fixture(scope="module")

@@ -168,7 +168,10 @@ def _registration(found: Registration | None, position_u_mm: float) -> list[str]
     ]
     return [
         pieces.facts_html(facts),
-        pieces.note("± one standard uncertainty. A direction that the surfaces do not determine is not fitted."),
+        pieces.note(
+            "± one standard uncertainty. A direction that the surfaces do not determine is not fitted. Distances are "
+            "from the best fit: it takes up what a change shares with a displacement, and other faces show that."
+        ),
     ]
 
 

@@ -62,11 +62,14 @@ def test_nothing_is_invented_under_clamps(drawn: Scans) -> None:
 def test_a_rough_face_is_its_plane_over_20_mm(seed: int) -> None:
     recording, truth = simulate_swept(random_swept_recipe("swept_raw_rough", seed))
     edge = segment_raw(denoise(fuse(recording)), upper_side=rough_upper_side(truth))
-    along_n, along_m, turn = off_true(SimpleNamespace(truth=truth), edge)
+    part = SimpleNamespace(truth=truth)
+    along_n, along_m, turn = off_true(part, edge)
     u_n, u_m = edge.position_u_mm[edge.seen].T
     assert (np.abs(along_n) < 3 * u_n).all()
     assert (np.abs(along_m) < 3 * u_m).all()
     assert (np.abs(turn) < 3 * edge.normal_u[edge.seen] / DEG).all()
+    heading = np.linalg.norm(np.cross(edge.tangent[edge.seen], at_stations(part, edge, "tangent")), axis=1)
+    assert np.mean(heading < 2 * edge.tangent_u[edge.seen]) > 0.8
 
 
 def test_frames_that_lose_the_lower_part_of_the_face_bend_no_edge() -> None:

@@ -85,14 +85,24 @@ class OutAlong:
         """The same without what a rough face does there (k,), mm."""
         return np.asarray(self.course.value(at) - self.bend(at))
 
-    def local_slope_u(self, shared: Shared) -> float:
-        """By how much the local mean of a rough face, that the robot's errors move as well, turns beside the course."""
+    def local_turn(self, robot: Robot, at: Float) -> tuple[Float, Float]:
+        """By how much a rough face turns beside the course over LOCAL_MM about places (k,), with its u, rad.
+
+        The robot's errors, any that are possible, turn its local means as well: what of the turns may be theirs is held
+        back (Wiener's filter). By how the face stands out they are not told, as roughness does the same.
+        """
         if self.local is None:
-            return 0.0
-        at = self.local.at_mm
-        slope = np.gradient(self.local.value(at) - self.smooth(at), at)
-        robot = sum(one.share * one.slope_u(LOCAL_MM) ** 2 for one in shared.processes)
-        return math.sqrt(max(float(np.mean(slope**2)) - robot, 0.0))
+            return np.zeros(at.size), np.zeros(at.size)
+        ends = np.clip(at + 0.5 * LOCAL_MM * np.array([[-1.0], [1.0]]), *self.local.spline.ends)
+        (low, high), ways = self.local.value(ends) - self.smooth(ends), np.ptp(ends, axis=0)
+        turn, u = (high - low) / ways, np.hypot(*self.local.u(ends)) / ways
+        place = np.arange(0.5, 2.0 * LOCAL_MM)  # of both means, mm
+        rise = np.sign(place - LOCAL_MM) / LOCAL_MM
+        none = np.zeros(place.size)
+        robots = [rise @ one.covariance(place, none, none.astype(np.int64)) @ rise for one in robot.possible]
+        errors = np.mean(robots) / ways**2
+        kept = np.maximum(1.0 - errors / max(float(np.mean(turn**2)), 1e-18), 0.0)
+        return kept * turn, np.sqrt(u**2 + errors)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,7 +123,6 @@ class RawMeasured:
     lever_mm: float  # from the lower edge to the middle of what is seen of the end face
     rough: bool
     local_turn_u: float  # of the end face's direction over LOCAL_MM of edge, by how single frames scatter, rad
-    edge_turn_u: float  # of the edge's direction, by how a rough face's local mean turns beside the course, rad
 
 
 class Robot(NamedTuple):
@@ -134,14 +143,17 @@ class Robot(NamedTuple):
             return Shared()
         return Shared(None, (Process(self.noise_mm, self.length_mm),), may_step=True)
 
-    def shared(self, s: Float, stand_out: Float, pass_index: Int) -> Shared:
-        """What frames share: as declared, else by how the end faces (N,) of frames at s (N,) stand out, mm."""
+    @property
+    def possible(self) -> list[Process]:
+        """Processes that they may be, before any frame is looked at: alike likely."""
         strengths = STRENGTHS_MM if self.noise_mm is None else (self.noise_mm,)
         lengths = LENGTHS_MM if self.length_mm is None else (self.length_mm,)
         smooth = [Process(strength, length) for strength in strengths for length in lengths]
-        jerky = [one._replace(jerks=True) for one in smooth if one.length_mm in lengths[-LONG:]]
-        possible = [*smooth, *jerky]
-        return Shared(None, likely_processes(s, stand_out, pass_index, possible), may_step=True)
+        return [*smooth, *(one._replace(jerks=True) for one in smooth if one.length_mm in lengths[-LONG:])]
+
+    def shared(self, s: Float, stand_out: Float, pass_index: Int) -> Shared:
+        """What frames share: as declared, else by how the end faces (N,) of frames at s (N,) stand out, mm."""
+        return Shared(None, likely_processes(s, stand_out, pass_index, self.possible), may_step=True)
 
 
 def measure_raw_edge(cloud: Cloud, found: RawFaces, condition: EdgeCondition, robot: Robot) -> RawMeasured:
@@ -272,9 +284,7 @@ def _state(
     pitch = float(np.ptp(face.s[np.isfinite(face.s)])) / max(int(np.isfinite(face.s).sum()), 1)
     turn_u = math.sqrt(float(np.nanmedian(face.angle_variance)) * tilt.frame_factor * pitch / LOCAL_MM)
     shown = face.s, angle, face.run, face.bow_in_range(tilt.slope(mid))
-    return RawMeasured(
-        curve, tilt, stand_out, stands, lower, upper, lean, *shown, lever, rough, turn_u, stands.local_slope_u(shared)
-    )
+    return RawMeasured(curve, tilt, stand_out, stands, lower, upper, lean, *shown, lever, rough, turn_u)
 
 
 def _straightened(face: SectionLines, angle: Float, tilt: Course, mid: Float) -> tuple[SectionLines, Float]:

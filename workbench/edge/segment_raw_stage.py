@@ -178,6 +178,10 @@ def _edge(
     low, high = measured.lower.value(at), measured.upper.value(at)
     position = origin + low[:, None] * m
     upper = origin + high[:, None] * m
+    turned, turned_u = measured.out.local_turn(declared.robot, at)
+    t = t + turned[:, None] * n
+    t /= np.linalg.norm(t, axis=1, keepdims=True)
+    n = np.cross(t, m)
     position[~seen] = np.nan
     upper[~covered(upper_s, cloud.pass_index, at)] = np.nan
     lean = measured.lean
@@ -196,7 +200,7 @@ def _edge(
     turning = np.hypot(measured.out.course.slope_u(at), measured.lower.course.slope_u(at))
     sparse_mm, sparse_turn = cloud.sparse_poses_u
     only_ends_mm = declared.robot.usual_mm if cloud.only_end_poses else 0.0
-    tangent_u = np.hypot(np.hypot(turning, measured.edge_turn_u), sparse_turn)
+    tangent_u = np.hypot(np.hypot(turning, turned_u), sparse_turn)
     tangent_u = np.hypot(tangent_u, between(measured.s_face, late.off_s * late.oblique_rate, at))
     axis = {
         DIRECTIONS: np.hypot(measured.tilt.u(at), 0.0 if measured.rough else measured.local_turn_u),

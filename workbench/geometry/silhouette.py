@@ -170,8 +170,9 @@ def find_end(
     first_of = np.searchsorted(cell, np.arange(place.size))  # frames are in order
     most = np.maximum.reduceat(ends.weight, first_of)
     counts = ends.weight > 0.5 * most[cell]  # a pass that does not see the end says nothing of where it is
-    middle = medians((ends.low + 0.5 * ends.step)[counts], np.searchsorted(cell[counts], np.arange(place.size + 1)))
-    middle_u = np.sqrt((np.bincount(cell, ends.step) / count) ** 2 / 12.0 + sigma**2)
+    ends, cell = Ends(*(of[counts] for of in ends)), cell[counts]
+    middle = medians(ends.low + 0.5 * ends.step, np.searchsorted(cell, np.arange(place.size + 1)))
+    middle_u = np.sqrt((np.bincount(cell, ends.step) / np.bincount(cell)) ** 2 / 12.0 + sigma**2)
     course = _doubted(course, place, ends, cell)
     return EndCourse(course, place, middle, middle_u)
 

@@ -24,7 +24,8 @@ def views_together(radius_mm: float, begin_mm: tuple[float, ...], corners: int) 
     corner = (which == 1) & (np.arange(s.size) < 200 + corners)
     end_mm = 1.5 - np.where(corner, 0.0, hidden) * radius_mm + np.random.default_rng(3).normal(0.0, 0.005, s.size)
     none, u, lean = np.zeros(radii.shape), np.full(radii.shape, 0.002), (0.7, 0.3, 0.3)
-    seen = {p: SeenEnd(none, (0.2 if p else 0.5) * radii, u, none[..., None], none[..., None], lean[p]) for p in range(len(begin_mm))}
+    flat = none[..., None]
+    seen = {p: SeenEnd(none, (0.2 if p else 0.5) * radii, u, flat, flat, lean[p]) for p in range(len(begin_mm))}
     beyond, u = (np.where(corner, 0.0, of * hidden) for of in (radii.mean(), radii.std()))
     found = BrokenEnd(beyond, u, np.zeros(s.size), 0.1, 0.0, u, share, seen, np.zeros(s.size))
     return found.agreed(s, end_mm, which, corner)

@@ -68,6 +68,10 @@ class EndAlong:
         """Distance (k,) at arc lengths `at` (k,), mm."""
         return np.asarray(self.course.value(at) - self.bend(at))
 
+    def slope(self, at: Float) -> Float:
+        """Its change (k,) along the curve."""
+        return np.asarray(self.course.slope(at) - self.bend(at, 1))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OutAlong:
@@ -84,6 +88,10 @@ class OutAlong:
     def smooth(self, at: Float) -> Float:
         """The same without what a rough face does there (k,), mm."""
         return np.asarray(self.course.value(at) - self.bend(at))
+
+    def slope(self, at: Float) -> Float:
+        """Change (k,) of `smooth` along the curve."""
+        return np.asarray(self.course.slope(at) - self.bend(at, 1))
 
     def local_turn(self, robot: Robot, at: Float) -> tuple[Float, Float]:
         """By how much a rough face turns beside the course over LOCAL_MM about places (k,), with its u, rad.
@@ -159,7 +167,8 @@ class Robot(NamedTuple):
 def measure_raw_edge(cloud: Cloud, found: RawFaces, condition: EdgeCondition, robot: Robot) -> RawMeasured:
     """Estimate the state of a raw edge: starts from the faces' middles, repeats with the lower edge that this gives.
 
-    Until it lies within ASTRAY_MM of the curve that it was measured from: a curve of its own bends turns all sections.
+    Until it lies within ASTRAY_MM of the curve that it was measured from. A first look from the middles tells what the
+    robot's errors may be, and is not followed: ends that are lost would bend the curve.
 
     condition: what is known of its edges before. robot: errors of its recorded positions, where they are declared.
 
@@ -187,13 +196,14 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces, condition: EdgeCondition, ro
     for k in range(MOST_ROUNDS + 1):
         s[seen] = curve.project(middle[seen], s[seen])
         state = _state(cloud, found, curve, s, k > 0, condition, shared)
-        on = np.isfinite(state.lower.s) & np.isfinite(state.stands_out_mm)
-        low = state.lower.s[on]
-        if k > 1 and np.abs(state.lower.value(low)).max() < ASTRAY_MM:
-            break
         if k == 0:
             counted = state.stands_out_mm + state.out.bend(np.nan_to_num(state.s_face))
             shared = robot.shared(state.s_face, counted, cloud.pass_index)
+            continue
+        on = np.isfinite(state.lower.s) & np.isfinite(state.stands_out_mm)
+        low = state.lower.s[on]
+        if k > 1 and np.hypot(state.lower.value(low), state.out.smooth(low)).max() < ASTRAY_MM:
+            break
         curve = curve_through(functools.partial(_lower_edge, state), low.min(), low.max())
     return state
 

@@ -58,7 +58,7 @@ from workbench.errors import InputError
 from workbench.geometry.along import between, in_order
 from workbench.geometry.blocks import evenly
 from workbench.geometry.curves import covered
-from workbench.geometry.poses import in_planes
+from workbench.geometry.poses import in_planes, unit
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Float, Int
 
@@ -179,9 +179,12 @@ def _edge(
     position = origin + low[:, None] * m
     upper = origin + high[:, None] * m
     turned, turned_u = measured.out.local_turn(declared.robot, at)
-    t = t + turned[:, None] * n
-    t /= np.linalg.norm(t, axis=1, keepdims=True)
-    n = np.cross(t, m)
+    slopes = measured.out.slope(at), measured.lower.slope(at)
+    askew = np.hypot(*slopes)  # sections of the curve, which is not quite the edge
+    askew_mm = askew * np.hypot(measured.out.smooth(at), low)
+    t = unit(t + (slopes[0] + turned)[:, None] * n + slopes[1][:, None] * m)
+    n = unit(np.cross(t, m))
+    m = np.cross(n, t)
     position[~seen] = np.nan
     upper[~covered(upper_s, cloud.pass_index, at)] = np.nan
     lean = measured.lean
@@ -200,8 +203,8 @@ def _edge(
     turning = np.hypot(measured.out.course.slope_u(at), measured.lower.course.slope_u(at))
     sparse_mm, sparse_turn = cloud.sparse_poses_u
     only_ends_mm = declared.robot.usual_mm if cloud.only_end_poses else 0.0
-    tangent_u = np.hypot(np.hypot(turning, turned_u), sparse_turn)
-    tangent_u = np.hypot(tangent_u, between(measured.s_face, late.off_s * late.oblique_rate, at))
+    by_clock = between(measured.s_face, late.off_s * late.oblique_rate, at)
+    tangent_u = root_sum_square(at, (turning, turned_u, sparse_turn, by_clock, askew**2))
     axis = {
         DIRECTIONS: np.hypot(measured.tilt.u(at), 0.0 if measured.rough else measured.local_turn_u),
         FORM: form.turn_u,
@@ -221,7 +224,7 @@ def _edge(
         PLACE: np.hypot(out_u[1], 0.0 if measured.out.local is None else measured.out.local.u(at)),
         DIRECTIONS: measured.lever_mm * seen_turn_u,
         FORM: form.offset_u_mm,
-        STEPS: np.full(at.size, math.hypot(apart[0], measured.out.course.step_u)),
+        STEPS: np.hypot(math.hypot(apart[0], measured.out.course.step_u), askew_mm),
         CLOCK: between(measured.s_face, late_mm[0], at),
     }
     steep = np.nanmedian(np.abs(found.faces[ROOT_FACE].slope))
@@ -236,8 +239,9 @@ def _edge(
         ROUNDING: by_break,
         HIDDEN: root_sum_square(at, (*hidden, burred_u_mm(cloud, found))),
         DECLARED: np.full(at.size, declared.end_u_mm),
-        STEPS: np.hypot(
-            between(lower_s, measured.lower.reached_mm, at), math.hypot(apart[1], measured.lower.course.step_u)
+        STEPS: root_sum_square(
+            at,
+            (between(lower_s, measured.lower.reached_mm, at), apart[1], measured.lower.course.step_u, askew_mm),
         ),
         CLOCK: between(measured.s_face, late_mm[1], at),
     }

@@ -74,6 +74,11 @@ def mapped(a_from_b: Float, points: Float) -> Float:
     return np.asarray((rotation @ points[..., None])[..., 0] + shift)
 
 
+def unit(vectors: Float) -> Float:
+    """Vectors (..., 3) at length 1."""
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+
+
 def cross(a: Float, b: Float) -> Float:
     """a x b of vectors (..., 3); numpy's own takes five times as long for a few."""
     behind, ahead = np.array([1, 2, 0]), np.array([2, 0, 1])

@@ -24,6 +24,7 @@ from workbench.artefacts import (
 )
 from workbench.geometry.distances import ALWAYS, axis_distances, build_stock
 from workbench.geometry.moves import chords_mm, step_lengths_mm
+from workbench.geometry.poses import unit
 from workbench.geometry.stations import supported
 from workbench.path.course import (
     LEAST_DEPTH_MM,
@@ -37,7 +38,6 @@ from workbench.path.course import (
     lower_course,
     poses_of,
     stocked_course,
-    unit,
 )
 from workbench.path.feed_stage import from_edge, moves_in_order, standing
 from workbench.path.obstacles import foreign, scan_of, sections_of

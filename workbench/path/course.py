@@ -18,18 +18,19 @@ import scipy
 from workbench.artefacts import Edge, Layer, PathDeflection, RawEdge, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.geometry.course import fit_course
-from workbench.geometry.poses import mapped, quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
+from workbench.geometry.poses import (
+    mapped,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+    rotation_from_vector,
+    unit,
+)
 from workbench.geometry.processes import Shared
 from workbench.geometry.splines import hermite, through
 from workbench.units import DEG, Bool, Float, Shaped
 
 BEND_MM = 2.0  # curvature is the turn of the tangent over this length on each side
 LEAST_STATIONS = 4  # of the upper edge: a line that bends once, and one to judge it by
-
-
-def unit(vectors: Float) -> Float:
-    """Vectors (..., 3) at length 1."""
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 def components(vectors: Float, *axes: Float) -> Float:

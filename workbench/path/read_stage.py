@@ -9,8 +9,7 @@ import numpy as np
 from workbench.artefacts import UNKNOWN_PART, Cutter, Gate, Layer, Toolpath, Travel
 from workbench.artefacts.decisions import SHAPE_ONLY
 from workbench.errors import InputError
-from workbench.geometry.poses import is_rigid, rotation_from_quaternion
-from workbench.path.course import unit
+from workbench.geometry.poses import is_rigid, rotation_from_quaternion, unit
 from workbench.stage import InputFile, stage
 from workbench.storage import MOST_BYTES
 from workbench.strict_json import content_digest

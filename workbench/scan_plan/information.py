@@ -352,9 +352,8 @@ def _broken(root_mm: float, profiler: Profiler, known: Knowledge, view: View, fr
     )
     templates = _templates(known.edge_condition)
     sizes = np.array(edges_of(known.edge_condition))
-    usual = Pixels(
-        np.array([[1.0, 0.5, 0.0]]), np.zeros(1, np.int64), np.ones(1)
-    )  # a column wide, which returns where half of it is filled
+    # a pixel a column wide, which returns where half of it is filled
+    usual = Pixels(np.array([[1.0, 0.5, 0.0]]), np.zeros(1, np.int64), np.ones(1))
     none, most, first = np.zeros(sizes.size), np.full(sizes.size, MOST_INCIDENCE), np.zeros(sizes.size, np.int64)
     depth, shift, _ = rendered_end(blank._replace(pixels=usual), sizes, none, most, first, none)
     means = depth - blank.nearer * shift

@@ -12,8 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from workbench.errors import InputError
 from workbench.geometry.moves import arc_lengths_mm, chords_mm, interpolated
-from workbench.geometry.poses import pose_from
-from workbench.path.course import unit
+from workbench.geometry.poses import pose_from, unit
 from workbench.scan_plan.information import MARGIN_MM, Joint, Profiler, View, room_mm
 from workbench.units import Float, Shaped
 

@@ -107,10 +107,10 @@ def _expected(entry: ErrorDetails, place: Place, model: type[BaseModel] | None) 
     return f"{text}, got {shown if len(shown) <= 60 else shown[:57] + '...'}{_slip(entry, place)}"
 
 
-MISTAKEN: dict[str, tuple[str, Callable[[float], float]]] = {  # by a name's unit: what else a number may be in
-    "deg": ("radians", lambda value: value / DEG if abs(value) < math.tau else value),
-    "c": ("kelvin", lambda value: value - 273.15),
-    "mm": ("metres", lambda value: value * 1000.0),
+MISTAKEN: dict[str, dict[str, Callable[[float], float]]] = {  # by a name's unit: what else a number may be in
+    "deg": {"radians": lambda value: value / DEG if abs(value) < math.tau else value},
+    "c": {"kelvin": lambda value: value - 273.15},
+    "mm": {"metres": lambda value: value * 1000.0, "inches": lambda value: value * 25.4},
 }
 NAME, INDEXED = r"^[A-Za-z][A-Za-z0-9_]{0,31}$", r"^[A-Za-z][A-Za-z0-9_]{0,31}(\[[0-9]{1,4}\])?$"  # of controllers
 NAMES = {
@@ -135,8 +135,9 @@ def _slip(entry: ErrorDetails, place: Place) -> str:
         return ": is it JSON, as [0, 1.5], and quoted from the shell?"
     unit = path_of(place).rpartition("_")[2]
     if entry["type"] in BOUNDS and unit in MISTAKEN:
-        (bound, keeps), (mistaken, converted) = BOUNDS[entry["type"]], MISTAKEN[unit]
-        return f": in {mistaken}?" if keeps(converted(value), entry["ctx"][bound]) else ""
+        bound, keeps = BOUNDS[entry["type"]]
+        ways = MISTAKEN[unit].items()
+        return next((f": in {name}?" for name, converted in ways if keeps(converted(value), entry["ctx"][bound])), "")
     return ""
 
 

@@ -77,6 +77,16 @@ def test_formats_keep_their_digits_and_their_order(tmp_path: Path, points: Float
     np.testing.assert_allclose(read(file=path).points_mm, points, rtol=0, atol=resolution)
 
 
+@pytest.mark.parametrize("mark", [";", " ", "\t"])
+def test_decimal_commas_and_the_unit_in_a_title_are_read(tmp_path: Path, points: Float, mark: str) -> None:
+    path = tmp_path / "cloud.csv"
+    rows = [mark.join(f"{v / 1000:.9f}" for v in point).replace(".", ",") for point in points.tolist()]
+    path.write_text("\n".join([mark.join(f"{axis}[m]" for axis in "XYZ"), *rows]))
+    found = read(file=path)
+    np.testing.assert_allclose(found.points_mm, points, rtol=0, atol=1e-6)
+    assert not found.warnings
+
+
 @pytest.mark.parametrize("ending", ["stl", "obj"])
 def test_vertices_of_a_mesh(tmp_path: Path, ending: str) -> None:
     path = tmp_path / f"part.{ending}"

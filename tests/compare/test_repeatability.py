@@ -208,6 +208,7 @@ OTHERS = {"part": "SN", "operator": "Who", "trial": "Run"}
         (["B"], {}, "0.699 by B"),
         ([], {"bevel_limits_deg": (0.68, 0.716)}, "0.698 by its limits"),
         ([], {"root_limits_mm": (0.001, 0.002)}, "root_mm is 0.0015 by its limits, .* in metres"),
+        ([], {"root_limits_mm": (0.04, 0.08)}, "root_mm is 0.06 by its limits, .* in inches"),
     ],
 )
 def test_one_study_has_one_unit(in_radians: list[str], settings: dict[str, Any], words: str, tmp_path: Path) -> None:

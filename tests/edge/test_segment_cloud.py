@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +68,16 @@ def test_an_organised_pcd_keeps_its_grid(scanned, tmp_path: Path):
     found, gridded = sections(edge), sections(scan.edge)
     assert np.abs(values(found, "root_mm") - values(gridded, "root_mm")).max() < 0.003
     assert np.abs(values(found, "bevel_deg") - values(gridded, "bevel_deg")).max() < 0.02
+
+
+def test_rows_of_a_file_may_lie_along_the_edge(scanned, tmp_path: Path):
+    scan = scanned()
+    (tmp_path / "o.pcd").write_bytes(export_cloud(scan.cloud, format="pcd", organised=True).content)
+    points = read_cloud(file=tmp_path / "o.pcd")
+    order = np.argsort(points.column, kind="stable")
+    turned = replace(points, points_mm=points.points_mm[order], row=points.column[order], column=points.row[order])
+    found, again = (sections(segment_cloud(one)[1]) for one in (points, turned))
+    np.testing.assert_allclose(values(again, "root_mm"), values(found, "root_mm"), rtol=0, atol=1e-6)
 
 
 def test_a_shuffled_cloud_is_sliced_and_says_so(drawn):

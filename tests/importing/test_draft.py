@@ -89,6 +89,24 @@ def test_a_drafted_mapping_brings_it_in(
     np.testing.assert_allclose(same, 1.0, atol=1e-9)
 
 
+def test_units_below_the_header_and_a_log_that_lasts_as_long(
+    milled: Recording, tmp_path: Path, capsys: pytest.CaptureFixture[str], imported: Callable[..., Recording]
+) -> None:
+    """Steps of 25 could be seconds: the frames would then last a thousandth of the log."""
+    scan, robot = write(tmp_path, milled, "quaternion_wxyz", ";", ".", 1.0)
+    rows = scan.read_text().split("\n")[1:]
+    scan.write_text("\n".join(["profile;timestamp;x;z", "-;ms;[mm];[mm]", *rows]))
+    every = slice(None, None, int(np.ceil(0.025 / np.median(np.diff(milled.robot_time_s)))))
+    values = [milled.robot_time_s[:, None] * 1e3, milled.robot_position_mm, milled.robot_quaternion_wxyz]
+    robot.write_text("timestamp,x,y,z,qw,qx,qy,qz\n" + rows_of(np.hstack(values)[every].tolist(), ","))
+    tree, _ = drafted(tmp_path, capsys, scan, robot)
+    assert tree["poses"]["time_unit"] == "ms"
+    assert any("poses.time_unit: ms" in text and "s would be possible" in text for text in tree["uncertain"])
+    assert not [text for text in tree["uncertain"] if "profiles.length_unit" in text or "profiles.time_unit" in text]
+    got = imported(scan, robot, mapping=tmp_path / "map.json")
+    np.testing.assert_allclose(got.z_mm, milled.z_mm[::20], atol=1e-4)
+
+
 def test_what_nobody_has_confirmed_is_not_measured_by(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], imported: Callable[..., Recording]
 ) -> None:

@@ -18,6 +18,7 @@ from workbench.units import Float
 
 OF_FORMAT: dict[str, Unit] = {".e57": "m"}  # ASTM E2807 says so; the others do not
 IN_HEAD = re.compile(rb"\bunit:? (mm|m|inch)\b")  # as `export.cloud` says it where a format has no field for it
+IN_TITLE = re.compile(rb"\bx\s*[\[(_]\s*(mm|m|inch)\b", re.IGNORECASE)  # of a table's column: X [mm], x_mm
 LEAST_POINTS = 100
 HEAD_BYTES = 4096  # that hold a header
 LEAST_MM, MOST_MM = 12.0, 30_000.0  # longest side of a part's cloud: 300 mm in inches are refused
@@ -79,8 +80,9 @@ def unit_stated(file: Path) -> Unit | None:
     if suffix in (".las", ".laz") and (unit := las_unit(file)):
         return unit
     with open(file, "rb") as stream:
-        said = IN_HEAD.search(stream.read(HEAD_BYTES))
-    return OF_FORMAT.get(suffix) or next((one for one in MM if said and one.encode() == said[1]), None)
+        head = stream.read(HEAD_BYTES)
+    said = IN_HEAD.search(head) or (IN_TITLE.search(head) if READERS.get(suffix) is READERS[".csv"] else None)
+    return OF_FORMAT.get(suffix) or next((one for one in MM if said and one.encode() == said[1].lower()), None)
 
 
 def grid_of(file: Path) -> tuple[int, int]:

@@ -22,6 +22,7 @@ PCD_LINE = 65_536  # bytes, of a header's line
 LAS_RECORD_BYTES = 54  # of a record's own header: ASPRS LAS 1.4, table 4
 NUMBER = r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)"
 READING = re.compile(rf"\bX={NUMBER}\s+Y={NUMBER}\s+Z={NUMBER}")
+WAYS = ((None, "."), (",", "."), (";", "."), (";", ","), (None, ","))  # what separates cells, and decimals
 OF_UNIT = re.compile(r"\s*[\[(].*[\])]$|_\w+$")  # behind a column's name
 
 
@@ -94,7 +95,7 @@ def _mesh_vertices(file: str) -> Float:
 def _table(file: str) -> Float:
     """The columns x, y, z of a header, else the first three; separated by spaces, tabs, commas or semicolons.
 
-    Lines with # are comments.
+    Decimals have a comma where that alone makes numbers. Lines with # are comments.
 
     Of trackers also `X= ... Y= ... Z= ...` in a line; a row with INVALID in it is no return.
     """
@@ -103,11 +104,18 @@ def _table(file: str) -> Float:
     readings = [found for line in text if (found := READING.search(line))]
     if len(readings) > len(text) / 2:
         return np.array([found.groups() for found in readings], dtype=float)
-    mark = next((mark for mark in ",;" if text and mark in text[0]), None)
+    mark, decimal = max(WAYS, key=lambda way: _numbers_in(text[len(text) // 2], *way)) if text else WAYS[0]
+    text = [line.replace(decimal, ".") for line in text]
     titles = [OF_UNIT.sub("", title.strip(' "\n')).lower() for title in text[0].split(mark)] if text else []
     if {"x", "y", "z"} <= set(titles):
         return np.loadtxt(text[1:], usecols=[titles.index(axis) for axis in "xyz"], delimiter=mark, ndmin=2)
     return np.loadtxt(text, usecols=(0, 1, 2), delimiter=mark, ndmin=2)
+
+
+def _numbers_in(line: str, mark: str | None, decimal: str) -> int:
+    """How many of a line's cells, so separated, are numbers."""
+    cells = (cell.strip().replace(decimal, ".") for cell in line.split(mark))
+    return sum(cell.lower() == "nan" or re.fullmatch(NUMBER, cell) is not None for cell in cells)
 
 
 def _las(file: str) -> Float:

@@ -129,17 +129,17 @@ def limits_of(given: Limits | None, mine: Sequence[Measurement], name: str, wher
 
 
 def refuse_other_units(study: Study, reference_operator: str, where: str) -> None:
-    """Refuse an operator, the reference or limits in another unit than the first operator's: 57.3 or 1000 times off."""
+    """Refuse an operator, the reference or limits in another unit than the first operator's."""
     for name in (name for name in study.measured if study.unit_of(name) in MISTAKEN):
-        mistaken, converted = MISTAKEN[study.unit_of(name)]
         samples = {study.operators[o]: study.measured[name][:, o] for o in range(len(study.operators))}
         samples |= {reference_operator: study.reference[name], "its limits": np.array(study.limits.get(name, np.nan))}
         (first, usual), *others = ((who, float(mean_of_seen(np.abs(one), None))) for who, one in samples.items())
         for who, size in others:
             small, large = sorted((usual, size))
-            if abs(converted(small) - large) < ALIKE * large and converted(small) != small:
-                what = f"{name} is {size:.3g} by {who}, {usual:.3g} by {first}: one of them in {mistaken}?"
-                raise InputError(where, f"expected one unit: {what}")
+            for mistaken, converted in MISTAKEN[study.unit_of(name)].items():
+                if abs(converted(small) - large) < ALIKE * large and converted(small) != small:
+                    what = f"{name} is {size:.3g} by {who}, {usual:.3g} by {first}: one of them in {mistaken}?"
+                    raise InputError(where, f"expected one unit: {what}")
 
 
 def mean_of_seen(values: Float, axis: tuple[int, ...] | None) -> Float:

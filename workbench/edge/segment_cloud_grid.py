@@ -12,22 +12,35 @@ from workbench.geometry.scan_grid import lines_of_rows, scan_grid, scan_lines
 from workbench.units import Float, Float32, Int
 
 SAMPLE_FRAMES, LEAST_POINTS = 60, 12  # what the noise is judged from; of a frame
+STRAIGHTER = 5.0  # than columns: rows of points that are no profiles
 NOISE_SIGMAS, LEAST_TOLERANCE_MM, JUMP_MM, WINDOW_FRAMES = 9.0, 0.06, 1.0, 5  # as `cloud.denoise` has them
 
 
 def recovered_grid(points: PointSet) -> Cloud | None:
     """The scanner's own grid, as the file has it; else by the order of the points, and None where that shows none."""
-    lines, column = None, points.column
-    if points.row is not None:
-        lines = lines_of_rows(points.points_mm, points.row)
+    mm, row, column = points.points_mm, points.row, points.column
+    lines = None
+    if row is not None and column is not None:
+        order = np.argsort(column, kind="stable")
+        if _bend(mm, row) < _bend(mm[order], column[order]) / STRAIGHTER:  # a file with its rows along the edge
+            mm, row, column = mm[order], column[order], row[order]
+        lines = lines_of_rows(mm, row)
     if lines is None:
         lines, column = scan_lines(points.points_mm), None
+        mm = points.points_mm
     if lines is None:
         return None
-    grid = scan_grid(points.points_mm, lines, column)
+    grid = scan_grid(mm, lines, column)
     if grid is None:
         return None
     return organised(points, grid.x_mm, grid.z_mm, grid.base_from_profiler, lines.pass_index)
+
+
+def _bend(points_mm: Float, row: Int) -> float:
+    """How far rows of points are from straight: the second of a row's principal spreads over the first, the median."""
+    rows = np.split(points_mm, np.flatnonzero(np.diff(row)) + 1)
+    spreads = [np.linalg.svd(one - one.mean(axis=0), compute_uv=False) for one in rows if len(one) > LEAST_POINTS]
+    return float(np.median([one[1] / one[0] for one in spreads])) if spreads else 0.0
 
 
 def organised(points: PointSet, x_mm: Float32, z_mm: Float32, base_from_profiler: Float, pass_index: Int) -> Cloud:

@@ -70,6 +70,7 @@ def drafted(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
     doubts: list[str] = []
     lines: list[str] = []
     by_part: dict[str, list[tuple[Path, Form, Columns]]] = {"profiles": [], "poses": [], "joints": []}
+    frames_s = 0.0
     of_arrays = [one for one in sources if one.is_file() and arrays.recognises(one, first_bytes(one), no_mapping())]
     if of_arrays:
         tree["arrays"], doubts = _arrays(of_arrays)
@@ -91,7 +92,11 @@ def drafted(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
     for name, tables in by_part.items():
         if tables:
             others = [source.name for source in sources if source not in [table[0] for table in tables]]
-            part, more = {"profiles": _profiles, "poses": _poses, "joints": _joints}[name](*tables[0][1:])
+            if name == "profiles":
+                part, more = _profiles(*tables[0][1:])
+                frames_s = _duration_s(part, *tables[0][1:])
+            else:
+                part, more = {"poses": _poses, "joints": _joints}[name](*tables[0][1:], frames_s)
             tree[name] = {"files": _pattern([table[0].name for table in tables], others), **part}
             if targets := _targets(tables[0][2].roles):
                 written = {"files": tree[name]["files"], **tables[0][1].as_part()}
@@ -185,15 +190,26 @@ def _profiles(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
     return part, doubts + _no_return(part, missing)
 
 
-def _timed(part: Tree, name: str, form: Form, roles: dict[str, Named], usual_s: tuple[float, float]) -> list[str]:
-    """Adds the unit of times, where the table has some; returns its doubts."""
+def _timed(
+    part: Tree, name: str, form: Form, roles: dict[str, Named], usual_s: tuple[float, float], frames_s: float = 0.0
+) -> list[str]:
+    """Adds the unit of times, where the table has some; returns its doubts. Poses last about as long as frames do."""
     if "time" not in roles:
         return []
-    step = _step(np.unique(column_of(form, roles["time"])), usual_s)
-    part["time_unit"], doubts = _unit(f"{name}.time_unit", roles["time"].unit, TIME_S, step)
+    times = np.unique(column_of(form, roles["time"]))
+    units = [unit for unit, scale in TIME_S.items() if np.ptp(times) * scale > 0.9 * frames_s > 0.0]
+    nearest_first = dict(sorted(TIME_S.items(), key=lambda one: (one[0] not in units, one[1])) if units else TIME_S)
+    part["time_unit"], doubts = _unit(f"{name}.time_unit", roles["time"].unit, nearest_first, _step(times, usual_s))
     if name != "profiles":
         part["time"] = roles["time"].column
     return doubts
+
+
+def _duration_s(part: Tree, form: Form, columns: Columns) -> float:
+    """How long the frames of a table last; 0 where it has no times."""
+    if "time" not in columns.roles:
+        return 0.0
+    return float(np.ptp(column_of(form, columns.roles["time"]))) * TIME_S[part["time_unit"]]
 
 
 def _no_return(part: Tree, missing: list[float]) -> list[str]:
@@ -225,14 +241,14 @@ def _ranges(form: Form) -> tuple[Tree, list[str]]:
     ]
 
 
-def _poses(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
-    """The part `poses`."""
+def _poses(form: Form, columns: Columns, frames_s: float) -> tuple[Tree, list[str]]:
+    """The part `poses`, of frames over `frames_s` (0: unknown)."""
     roles = columns.roles
     position = np.stack([column_of(form, roles[role]) for role in "xyz"], axis=1)
     reach = float(np.nanmax(np.linalg.norm(position, axis=1)))
     unit, doubts = _unit("poses.length_unit", roles["x"].unit, LENGTH_MM, (reach, USUAL_REACH_MM))
     part: Tree = {**form.as_part(), "length_unit": unit}
-    doubts += _timed(part, "poses", form, roles, STREAM_S if len(form.rows) >= STREAM else POSE_S)
+    doubts += _timed(part, "poses", form, roles, STREAM_S if len(form.rows) >= STREAM else POSE_S, frames_s)
     part["position"] = [roles[role].column for role in "xyz"]
     part["orientation"] = [roles[role].column for role in columns.orientation]
     part["convention"] = columns.convention
@@ -249,8 +265,8 @@ def _poses(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
     return part, doubts
 
 
-def _joints(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
-    """The part `joints`, without the robot."""
+def _joints(form: Form, columns: Columns, frames_s: float) -> tuple[Tree, list[str]]:
+    """The part `joints`, without the robot, of frames over `frames_s` (0: unknown)."""
     roles = columns.roles
     axes = [one for role, one in roles.items() if role.startswith("joint")]
     part: Tree = form.as_part()
@@ -258,7 +274,7 @@ def _joints(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
     linear = [one for one in axes if one.unit in LENGTHS]
     part["length_unit"] = linear[0].unit if linear else "mm"
     part["angle_unit"] = unit
-    doubts += _timed(part, "joints", form, roles, POSE_S)
+    doubts += _timed(part, "joints", form, roles, POSE_S, frames_s)
     if "number" in roles:
         part["number"] = roles["number"].column
     part["columns"] = [one.column for one in axes]
@@ -292,7 +308,7 @@ def _unit(what: str, stated: str, known: dict[str, float], *sizes: Size) -> tupl
         return stated, []
     units = [unit for unit, scale in known.items() if all(low <= size * scale <= high for size, (low, high) in sizes)]
     others = f"; {' or '.join(units[1:])} would be possible too" if units[1:] else ""
-    chosen, by = next(iter(units or known)), "steps of time" if known is TIME_S else "size of the numbers"
+    chosen, by = next(iter(units or known)), "steps of time" if known.keys() == TIME_S.keys() else "size of the numbers"
     return chosen, [f"{what}: {chosen}, by the {by} ({', '.join(f'{size:.4g}' for size, _ in sizes)}){others}"]
 
 

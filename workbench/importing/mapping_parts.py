@@ -23,6 +23,9 @@ LengthUnit = Literal["mm", "m", "um", "0.01um", "inch"]
 TimeUnit = Literal["s", "ms", "us", "ns"]
 LENGTH_MM: dict[str, float] = {"mm": 1.0, "m": 1000.0, "um": 1e-3, "inch": 25.4, "0.01um": 1e-5}
 TIME_S: dict[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+UNITS = {unit: unit for unit in ("mm", "m", "um", "inch", "s", "ms", "us", "ns", "deg", "rad")} | {
+    **{"µm": "um", "μm": "um", "in": "inch", "sec": "s", "µs": "us", "°": "deg"},
+}
 Column = Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=0)]  # a header's name, or a place from 0
 Matrix = Annotated[list[Annotated[list[float], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)]
 Three = tuple[Column, Column, Column]

@@ -7,12 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from workbench.importing.mapping_parts import UNITS
 from workbench.importing.text import Form, steady
 from workbench.units import Float
 
-UNITS = {unit: unit for unit in ("mm", "m", "um", "inch", "s", "ms", "us", "ns", "deg", "rad")} | {
-    **{"µm": "um", "μm": "um", "in": "inch", "sec": "s", "µs": "us", "°": "deg"},
-}
 LENGTHS, ANGLES = ("mm", "m", "um", "inch"), ("deg", "rad")
 OWN = ("qw", "qx", "qy", "qz", "q1", "q2", "q3", "q4", *"wprabc", "rx", "ry", "rz", "roll", "pitch", "yaw")
 ROLES = {  # names of a column, in small letters without what stands between words
@@ -113,10 +111,10 @@ def _bare(name: str) -> tuple[str, str]:
 
 def _by_name(form: Form) -> Columns:
     found: dict[str, Named] = {}
-    for name in form.header:
+    for name, below in zip(form.header, form.units or [""] * len(form.header), strict=True):
         role, unit = role_of(name)
         if role and role not in found and form.header.count(name) == 1:
-            found[role] = Named(name, unit)
+            found[role] = Named(name, unit or below)
     for names, convention, robot, doubt in ORIENTATIONS:
         if {"x", "y", "z", *names} <= set(found):
             roles = {role: found[role] for role in ("x", "y", "z", *names, "time", "pass") if role in found}
@@ -167,14 +165,14 @@ def _joints_named(form: Form) -> dict[str, Named]:
     sets: dict[str, dict[int, Named]] = {}
     words: dict[str, Named] = {}
     counts: dict[str, Named] = {}
-    for name in form.header:
+    for name, below in zip(form.header, form.units or [""] * len(form.header), strict=True):
         text, unit = _bare(name)
         tokens = [token for token in re.split(r"[\s._/:\[\]()-]+", text) if token and token != "joint"] or [text]
         tail = "".join(tokens[-2:]) if tokens[-1].isdigit() else tokens[-1]
         about = " ".join(tokens[: -2 if tokens[-1].isdigit() else -1])
         if form.header.count(name) > 1:
             continue
-        words["".join(tokens)] = one = Named(name, unit)
+        words["".join(tokens)] = one = Named(name, unit or below)
         if found := AXES.fullmatch(tail) or re.fullmatch(r"(\d\d?)", tail if "joint" in text else ""):
             sets.setdefault(f"{about} {tail.rstrip('0123456789')}", {})[int(found[1])] = one
         elif text in POSTURES and _whole(column_of(form, one)):

@@ -21,7 +21,7 @@ import numpy as np
 
 from workbench.errors import InputError, nearest
 from workbench.extras import Extra
-from workbench.importing.mapping_parts import TIME_S, TextPart, TimeUnit
+from workbench.importing.mapping_parts import TIME_S, UNITS, TextPart, TimeUnit
 from workbench.storage import regular_file
 from workbench.units import Bool, Float, Int, Shaped
 
@@ -163,6 +163,7 @@ class Form(NamedTuple):
     decimal: str
     skip_lines: int  # before the header, or before the numbers
     header: tuple[str, ...]  # () where there is none
+    units: tuple[str, ...]  # of a row below it, '' where it has none; () where there is no such row
     rows: Shaped[Float, "r c"]  # NaN where a cell is empty
     after_blank: Shaped[Bool, " r"]  # a blank line stands before the row
     whole: bool  # the sample is the whole file
@@ -210,12 +211,12 @@ def _under(lines: list[str], delimiter: str, decimal: str, whole: bool) -> Form 
     table = np.array([row[1] for row in rows[first:last]], float)
     if not np.isfinite(table).any() or table.shape[1] < 2:
         return None
-    header, top = _header(rows, lines, first, table, delimiter)
+    header, units, top = _header(rows, lines, first, table, delimiter)
     if top == first + 1:  # the first row of numbers is a header that counts the columns
         first, table = top, table[1:]
     places = [row[0] for row in rows[first:last]]
     blank = np.diff(places, prepend=places[0] - 1) > 1
-    return Form(delimiter, decimal, rows[top - 1][0] if header else places[0], header, table, blank, whole)
+    return Form(delimiter, decimal, rows[top - 1][0] if header else places[0], header, units, table, blank, whole)
 
 
 def why_no_table(head: bytes) -> str:
@@ -234,20 +235,31 @@ def why_no_table(head: bytes) -> str:
 
 def _header(
     rows: list[tuple[int, list[float]]], lines: list[str], first: int, table: Float, delimiter: str
-) -> tuple[tuple[str, ...], int]:
-    """The column names, and the index of the row after them."""
+) -> tuple[tuple[str, ...], tuple[str, ...], int]:
+    """The column names, the units in a row below them, and the index of the row after the names."""
     counts = np.arange(table.shape[1])
     if (
         len(table) > FEWEST_ROWS
         and any((table[0] == counts + k).all() for k in (0, 1))
         and (table[1] != table[0]).any()
     ):
-        return tuple(cells(lines[rows[first][0]], delimiter)), first + 1
+        return tuple(cells(lines[rows[first][0]], delimiter)), (), first + 1
     if first and rows[first - 1][0] == rows[first][0] - 1:
         names = cells(lines[rows[first - 1][0]], delimiter)
+        units = units_of(names)
+        if units and first > 1:
+            above, _, top = _header(rows, lines, first - 1, table, delimiter)
+            return above, units, top
         if len(names) == table.shape[1] and sum(bool(name) for name in names) >= len(names) - 1:
-            return tuple(names), first
-    return (), first
+            return tuple(names), (), first
+    return (), (), first
+
+
+def units_of(row: Sequence[str]) -> tuple[str, ...]:
+    """The units in a row of units, '' where a cell holds none; () of any other row."""
+    found = [cell.strip("[]()").strip().lower() for cell in row]
+    of_units = all(cell in UNITS or cell in ("", "-") for cell in found) and any(cell in UNITS for cell in found)
+    return tuple(UNITS.get(cell, "") for cell in found) if of_units else ()
 
 
 def _numbers(line: str, delimiter: str, decimal: str) -> list[float]:
@@ -378,6 +390,8 @@ def slabs(path: Path, part: TextPart) -> Iterator[Table]:
     for text in stretches(path, SLAB_BYTES, HEAD_BYTES):
         body = _plain_blanks(text, part)
         if not count:
+            if part.header and units_of(cells((body.split("\n", lines + 1) + [""] * 2)[lines], part.delimiter)):
+                lines += 1
             above = body.split("\n", lines)
             body = above[lines] if len(above) > lines else ""
             first_row = body.lstrip("\n").split("\n", 1)[0]

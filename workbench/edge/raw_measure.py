@@ -68,10 +68,6 @@ class EndAlong:
         """Distance (k,) at arc lengths `at` (k,), mm."""
         return np.asarray(self.course.value(at) - self.bend(at))
 
-    def slope(self, at: Float) -> Float:
-        """Its change (k,) along the curve."""
-        return np.asarray(self.course.slope(at) - self.bend(at, 1))
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OutAlong:
@@ -88,10 +84,6 @@ class OutAlong:
     def smooth(self, at: Float) -> Float:
         """The same without what a rough face does there (k,), mm."""
         return np.asarray(self.course.value(at) - self.bend(at))
-
-    def slope(self, at: Float) -> Float:
-        """Change (k,) of `smooth` along the curve."""
-        return np.asarray(self.course.slope(at) - self.bend(at, 1))
 
     def local_turn(self, robot: Robot, at: Float) -> tuple[Float, Float]:
         """By how much a rough face turns beside the course over LOCAL_MM about places (k,), with its u, rad.

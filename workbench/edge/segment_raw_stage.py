@@ -179,9 +179,10 @@ def _edge(
     position = origin + low[:, None] * m
     upper = origin + high[:, None] * m
     turned, turned_u = measured.out.local_turn(declared.robot, at)
-    slopes = measured.out.slope(at), measured.lower.slope(at)
-    askew = np.hypot(*slopes)  # sections of the curve, which is not quite the edge
-    askew_mm = askew * np.hypot(measured.out.smooth(at), low)
+    smooth = measured.out.smooth(at)
+    slopes = np.gradient([smooth, low], at, axis=1)  # sections are of the curve, which is not quite the edge
+    askew = np.hypot(*slopes)
+    askew_mm = askew * np.hypot(smooth, low)
     t = unit(t + (slopes[0] + turned)[:, None] * n + slopes[1][:, None] * m)
     n = unit(np.cross(t, m))
     m = np.cross(n, t)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.edge.broken_end import BrokenEnd, FaceRim, broken_end, weights, whole_end
@@ -22,7 +23,7 @@ from workbench.edge.frame_ends import missing_share
 from workbench.edge.measure import ASTRAY_MM, MOST_ROUNDS, check_advance, edge_direction
 from workbench.edge.raw_faces import GAP_MM, FaceEnds, RawFaces, middle_of, outward_of
 from workbench.edge.raw_local import local_mean
-from workbench.edge.steps import own_places, readings
+from workbench.edge.steps import readings
 from workbench.errors import InputError
 from workbench.geometry.along import between, by_pass, in_order, running_median
 from workbench.geometry.blocks import evenly
@@ -47,10 +48,12 @@ SHARED_MM = 0.003  # from here on it is, where directions of frames go together 
 FEW_FRAMES = 20  # within 20 mm: the scatter of fewer differs by as much by chance
 UNEVEN = 2.0  # times the usual scatter: of frames within 20 mm, which share their errors over 4, chance makes up to 1.7
 COVERS, CELL_MM = 0.9, 5.0  # share of the edge that corners must show, by stretches, for silhouettes to be left aside
+NEAR_MM, WIDE = 50.0, 0.9  # an end face is nearly as wide as elsewhere on so much of it
 SAMPLE_FRAMES = 60
 # Errors of a robot's recorded positions, all alike likely before the frames are looked at: as robots have them.
 STRENGTHS_MM, LENGTHS_MM = (0.005, 0.012, 0.03, 0.07), (1.5, 3.0, 6.0, 12.0, 24.0, 48.0)
 LONG = 3  # so many of them may jerk: shorter ones look alike, jerking or not
+BENT_MM = 0.3  # of an arc's middle from its chord: robots do not err so
 ALONG_MM = 0.5  # between places at which the reference curve's bend along m is summed up
 
 
@@ -181,8 +184,7 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces, condition: EdgeCondition, ro
         )
     s = np.full(seen.size, np.nan)
     s[seen] = along_motion(middle[seen], along[seen], cloud.pass_index[seen])
-    own = own_places(s, *_width(found))
-    own = seen & (own > 0.5 * own[seen].max())  # where a part of the face is hidden, so is its middle
+    own = seen & _as_wide(s, found.whole.widths_mm)  # where a part of the face is hidden, so is its middle
     curve = fit_curve(middle[own], s[own], cloud.pass_index[own])
     shared = robot.before
     for k in range(MOST_ROUNDS + 1):
@@ -307,15 +309,16 @@ def _squared(tilt: Course, stand_out: Course, face: SectionLines) -> Course:
     return replace(tilt, spline=through(tilt.at_mm, value))
 
 
-def _width(found: RawFaces) -> tuple[Float, Float]:
-    """How wide each frame (N,) shows the end face, mm, and the variance of that by columns."""
-    face = found.whole
-    return face.widths_mm, (face.widths_mm / face.count) ** 2 / 6.0
+def _as_wide(s: Float, width: Float) -> Bool:
+    """Frames (N,) at s (N,) mm that show the end face nearly as wide as frames do anywhere within NEAR_MM."""
+    at = np.arange(np.nanmin(s), np.nanmax(s) + CELL_MM, CELL_MM)
+    most = scipy.ndimage.maximum_filter1d(running_median(s, width, at, CELL_MM), round(2 * NEAR_MM / CELL_MM) + 1)
+    return np.asarray(width > WIDE * np.interp(s, at, most))
 
 
 def _whole(found: RawFaces) -> Bool:
     """Frames (N,) that show the end face as wide as most of them do."""
-    width, _ = _width(found)
+    width = found.whole.widths_mm
     with np.errstate(invalid="ignore"):
         return np.asarray(width > np.nanmedian(width) - MARGIN_MM)
 
@@ -444,7 +447,9 @@ def _bend(curve: Curve, tilt: Course, turn: float) -> Spline:
     _, a, b = curve.frame(at)
     angle = tilt.value(at)[:, None] + turn
     curvature = (curve.curvature(at) * (np.cos(angle) * a + np.sin(angle) * b)).sum(axis=1)
-    slope = _integral(curvature)
+    sagitta_mm = float(curvature.mean()) * (at[-1] - at[0]) ** 2 / 8.0
+    arc = curvature.mean() * sagitta_mm**2 / (sagitta_mm**2 + BENT_MM**2)  # which no robot's errors make
+    slope = _integral(curvature - arc)
     bend = _integral(slope - slope.mean())
     return through(at, bend - bend.mean())
 

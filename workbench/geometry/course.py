@@ -36,6 +36,7 @@ ALL_ALIKE = 1e-12  # of the strongest: what differences of passes do not tell, t
 # certain, of a bend's four freedoms.
 MEETING, SURE_STEP = 6, 4.0
 AGREED = 2.0  # times the usual difference of neighbours: values that leave the course by it together are no strays
+DIRECTION_MM = 20.0  # over which a direction is told: a notch's flanks are none of the edge
 LEAST_VALUES = 5  # of a pass that is judged, or may lie beside the others, by itself
 READMITTED = 5  # times at most that outliers are told again, by the course that was fitted without them
 CHANCE = 2.0  # standard deviations by which two passes differ where nothing is wrong
@@ -242,7 +243,7 @@ def _unfollowed(course: Course, values: Values) -> Course:
     ends = np.searchsorted(values.s[order], course.at_mm + np.array([[-half], [half]]))
     pull, total = (np.diff(np.append(0.0, np.cumsum((weight * of)[order]))[ends], axis=0)[0] for of in (together, 1.0))
     departure = _neighbours(pull / np.where(pull > 0.0, total, 1.0), 5).max(axis=-1)
-    turn = departure / (2.0 * (course.at_mm[1] - course.at_mm[0]))
+    turn = departure / DIRECTION_MM
     variance, slope_variance = course.variance + departure**2, course.slope_variance + turn**2
     return replace(course, variance=variance, slope_variance=slope_variance)
 

@@ -102,6 +102,11 @@ class Course:
             variance = variance + beyond**2 * np.interp(s, self.at_mm, self.slope_variance)
         return np.sqrt(variance)
 
+    def doubted(self, u: Float) -> Course:
+        """The course with a further standard uncertainty (k,) of its values at `at_mm`, which comes and goes."""
+        turn = u / DIRECTION_MM
+        return replace(self, variance=self.variance + u**2, slope_variance=self.slope_variance + turn**2)
+
     def u_without(self, s: Float, known_u: Float) -> Float:
         """`u` (m,) without errors of each pass whose u (m,) is counted elsewhere: passes differ by as much, or by more.
 
@@ -243,9 +248,7 @@ def _unfollowed(course: Course, values: Values) -> Course:
     ends = np.searchsorted(values.s[order], course.at_mm + np.array([[-half], [half]]))
     pull, total = (np.diff(np.append(0.0, np.cumsum((weight * of)[order]))[ends], axis=0)[0] for of in (together, 1.0))
     departure = _neighbours(pull / np.where(pull > 0.0, total, 1.0), 5).max(axis=-1)
-    turn = departure / DIRECTION_MM
-    variance, slope_variance = course.variance + departure**2, course.slope_variance + turn**2
-    return replace(course, variance=variance, slope_variance=slope_variance)
+    return course.doubted(departure)
 
 
 def _neighbours(value: AnyArray, count: int) -> Float:

@@ -212,8 +212,12 @@ def test_passes_do_not_average_what_lasts_of_a_face() -> None:
 
 @pytest.mark.parametrize("sag_mm", [0.02, 0.1])
 def test_a_bowed_face_has_the_direction_of_its_line(sag_mm: float) -> None:
-    """That of least squares, over all of it; what walks across the face by as much does turn it."""
+    """That of least squares over all of it; what walks across it by as much turns it, and so does a hidden end."""
     bow = sag_mm * (PLACE_MM / PLACE_MM[-1]) ** 2
     walked = np.random.default_rng(8).normal(0.0, sag_mm / 4.0, 16).cumsum()
     bowed, rough = (forms([image_of(one[None])], np.zeros(1), Linearity(0.0))[0] for one in (bow, walked))
     assert bowed.turn_u[0] < 0.25 * rough.turn_u[0]
+    shown = np.arange(PLACE_MM.size) < PLACE_MM.size - 2
+    turned = np.polyfit(PLACE_MM[shown], bow[shown], 1)[0] - np.polyfit(PLACE_MM, bow, 1)[0]
+    hidden_mm = PLACE_MM[-1] - PLACE_MM[shown][-1]
+    assert bowed.bowed[0] * hidden_mm == pytest.approx(abs(turned), rel=0.1)

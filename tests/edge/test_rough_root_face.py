@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.drawn.swept import random_swept_recipe
+from bench.simulators.swept import simulate_swept
 from tests.seldom import seldom
 from workbench import cloud, edge, inspect, scan
 from workbench.synthetic import parse_recipe, simulate_recording
@@ -56,3 +58,11 @@ def test_beside_burrs_a_rough_face_is_known_as_well() -> None:
 def test_a_smooth_face_has_no_such_u() -> None:
     inspection, _ = inspected(104, 0.0)
     assert max(section.values["bevel_u_deg"] for section in inspection.sections) < 0.1
+
+
+def test_the_end_of_a_hollow_face_turns_it() -> None:
+    """A sagitta of 0.03 mm, and 0.1 mm of the end that may be rounded: 0.21 deg off at 4.5 u."""
+    recording, truth = simulate_swept(random_swept_recipe("swept_bowed", 17930003))
+    for section in inspect.sections(edge.segment(cloud.denoise(scan.fuse(recording)))).sections:
+        found = section.sizes["bevel_deg"]
+        assert abs(found.value - truth.bevel_deg_at(section.origin_mm)) < 2.0 * found.u

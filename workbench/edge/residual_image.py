@@ -58,6 +58,7 @@ class FaceForm:
     lower_mm: Shaped[Float, " m"]  # and its places that this makes, along the sensor's z as all of these
     upper_mm: Shaped[Float, " m"]
     part_offset_mm: float = 0.0  # by which a part of the face stands aside at most, as likely as it is
+    bowed: Shaped[Float, " m"] | float = 0.0  # turn of its line by each mm of an end that is not seen, 1/mm
 
     @property
     def uncorrected(self) -> FaceForm:
@@ -71,7 +72,7 @@ class FaceForm:
             )
         )
         nothing = np.zeros_like(turn_u)
-        return FaceForm(turn_u, lower_u, upper_u, self.width_mm, nothing, nothing, nothing)
+        return FaceForm(turn_u, lower_u, upper_u, self.width_mm, nothing, nothing, nothing, bowed=self.bowed)
 
     @property
     def offset_u_mm(self) -> Float:
@@ -536,6 +537,7 @@ def _form(image: FaceImage, lasting: Sequence[_Lasting], at: Float, sensor: Line
     weights = np.stack([line[1], line[0] + end * line[1], line[0] - end * line[1]])
     # A part that stands aside at an end of the face is the face there, or not: as likely.
     mixed_weights = weights - 0.5 * np.stack([np.zeros_like(t), np.eye(t.size)[-1], np.eye(t.size)[0]])
+    bend = np.linalg.pinv(t[:, None] ** np.arange(3.0))[2:]
     centred = weights @ (np.eye(t.size) - 1.0 / t.size)  # a sensor's or a face's common offset moves nothing
     rows = []
     for one, mean, noise, slope in zip(lasting, image.mean, image.noise, image.slope, strict=True):
@@ -548,9 +550,11 @@ def _form(image: FaceImage, lasting: Sequence[_Lasting], at: Float, sensor: Line
         straight = slope - (1.0 + slope**2) * turn
         flatter = math.sqrt((1.0 + slope**2) / (1.0 + straight**2))
         moved = math.atan(slope) - math.atan(straight), flatter * lower, flatter * upper
-        rows.append([*(np.array([flatter**2, flatter, flatter]) * np.sqrt(variance + ambiguity**2 + other)), *moved])
+        bowed = float(np.maximum((bend @ mean) ** 2 - _variance(bend, noise), 0.0)[0]) ** 0.5
+        across = np.array([flatter**2, flatter, flatter])
+        rows.append([*(across * np.sqrt(variance + ambiguity**2 + other)), *moved, flatter**2 * bowed])
     tells = 1.0 / np.array([_variance(weights[:1], noise)[0] + LEAST_NOISE_MM**2 for noise in image.noise])
-    share, terms = np.zeros((len(image.passes), at.size)), np.zeros((len(image.passes), 6, at.size))
+    share, terms = np.zeros((len(image.passes), at.size)), np.zeros((len(image.passes), 7, at.size))
     for number, seen in enumerate(image.passes):
         mine = image.of_pass == number
         if mine.any():
@@ -571,9 +575,9 @@ def _form(image: FaceImage, lasting: Sequence[_Lasting], at: Float, sensor: Line
     mean = np.einsum("pm,pcm->cm", share, terms)
     variance = np.stack([np.interp(at, at[some], row) for row in by_sensor])
     turn_u, lower_u, upper_u = np.sqrt(mean[:3] ** 2 + np.maximum(variance, 0.0))
-    turn, lower, upper = mean[3:]
+    turn, lower, upper, bowed = mean[3:]
     part_offset_mm = max(float(np.abs(one.part_offset_mm).max()) for one in lasting)
-    return FaceForm(turn_u, lower_u, upper_u, 2.0 * end, turn, lower, upper, part_offset_mm)
+    return FaceForm(turn_u, lower_u, upper_u, 2.0 * end, turn, lower, upper, part_offset_mm, bowed)
 
 
 def _variance(weights: Float, covariance: Float) -> Float:

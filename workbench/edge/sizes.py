@@ -61,10 +61,11 @@ def sizes(
         ROUNDING: end.broken_u_mm,
         DECLARED: np.full(at.size, end.declared_u_mm),
     }
+    unseen_mm = np.hypot(end.broken_u_mm, end.hidden_u_mm)
     angle = {
         DIRECTIONS: np.hypot(angle_u, drift_u),
         TANGENT: tangent_u * leverage,
-        FORM: np.hypot(root_form.turn_u, bevel_form.turn_u),
+        FORM: np.sqrt(root_form.turn_u**2 + bevel_form.turn_u**2 + (root_form.bowed * unseen_mm) ** 2),
     }
     return (
         Quantity.of("root_mm", root, root_u),

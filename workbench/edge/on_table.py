@@ -39,10 +39,11 @@ def under_u_mm(cloud: Cloud, tracked: TrackedFaces, s_frames: Float, at: Float) 
     known = np.stack(
         [root.x_mean[on], root.crossing(table)[on], slope, offset, away, gate, tracked.root_end[on, 2]], axis=1
     )
-    gap = np.empty(on.size)
+    gap, of_frames = np.empty(on.size), np.full(s_frames.size, np.nan)
     x, z, keep = (as_input(v[on]) for v in (cloud.x_mm, cloud.z_mm, cloud.keep))
     _gaps(x, z, keep, as_input(known), gap)
-    return gap_u_mm(gap, s_frames[on], at, math.hypot(0.5 * float(np.median(known[:, -1])), np.median(gate)))
+    of_frames[on] = gap
+    return gap_u_mm(of_frames, s_frames, at, math.hypot(0.5 * float(np.median(known[:, -1])), np.median(gate)))
 
 
 def raw_under_u_mm(found: RawFaces, s_frames: Float, at: Float) -> Float:
@@ -54,16 +55,16 @@ def raw_under_u_mm(found: RawFaces, s_frames: Float, at: Float) -> Float:
     face = found.whole
     step = float(np.median(face.widths_mm[on] / face.count[on]))
     gate = max(FINAL_SIGMAS * float(np.median(np.sqrt(face.rss[on] / face.count[on]))), end_face.FINAL_LEAST_MM)
-    return gap_u_mm(gap[on], s_frames[on], at, math.hypot(0.5 * step, gate))
+    return gap_u_mm(gap, s_frames, at, math.hypot(0.5 * step, gate))
 
 
 def gap_u_mm(gap_mm: Float, s_frames: Float, at: Float, hidden_mm: float) -> Float:
-    """Standard uncertainty (m,) at arc lengths `at`, by the gaps (f,) of frames at s_frames (f,); mm.
+    """Standard uncertainty (m,) at arc lengths `at`, by the gaps (N,) of frames at s_frames (N,), NaN without one; mm.
 
     hidden_mm: what frames do not show. The edge lies between where the face ends and where it crosses what is below.
     """
-    typical_mm = running_median(s_frames, gap_mm, at, NEAR_MM)
-    return np.asarray(np.hypot(typical_mm, hidden_mm) / math.sqrt(3.0))
+    open_mm = np.where(np.isfinite(gap_mm), np.hypot(gap_mm, hidden_mm), 0.0)  # a single frame may be misread
+    return running_median(s_frames, open_mm, at, NEAR_MM) / math.sqrt(3.0)
 
 
 @kernel

@@ -280,7 +280,8 @@ def _state(
         _side(cloud, found, ends, outward, sections, sigma, vibration)
         for ends, outward in ((found.lower, -1.0), (found.upper, 1.0))
     ]
-    lower, upper = (_end_along(cloud, found, side, bend, shared, whole, condition) for side in both)
+    steady = shared._replace(may_step=False)  # ends may be lost: how the face stands out tells a robot's steps
+    lower, upper = (_end_along(cloud, found, side, bend, steady, whole, condition) for side in both)
     if rough:
         tilt = _reaching(tilt, found, sigma, turn_mm, lower, upper)
     lean = _lean(cloud, found, curve, s, tilt, sigma)

@@ -242,7 +242,7 @@ def _edge(
         DECLARED: np.full(at.size, declared.end_u_mm),
         STEPS: root_sum_square(
             at,
-            (between(lower_s, measured.lower.reached_mm, at), apart[1], measured.lower.course.step_u, askew_mm),
+            (between(lower_s, measured.lower.reached_mm, at), apart[1], measured.out.course.step_u, askew_mm),
         ),
         CLOCK: between(measured.s_face, late_mm[1], at),
     }

@@ -140,7 +140,7 @@ def find_end(
     sigma = float(np.median(ends.sigma)) + 1e-6
     step = float(np.median(ends.step[silhouette])) if silhouette.any() else 0.0
     grid = np.linspace(-1.0, 1.0, GRID) * (REACH_STEPS * step + REACH_SIGMAS * sigma)
-    unseen, round_ = (UNSEEN_STEPS * step, HIDDEN_MM), shared._replace(may_step=False)
+    unseen = UNSEEN_STEPS * step, HIDDEN_MM
     course, prior = first, np.full(place.size, math.hypot(step, 4.0 * sigma))
     about = course.value(place)
     said = np.bincount(cell, ends.sigma**2 + ends.step**2 / 12.0) / count**2 * first.noise_factor
@@ -157,7 +157,7 @@ def find_end(
         weighted = (1.0 - step_share) * weighted + step_share * (about + mean) / said
         said = 1.0 / precision
         known = course.stiffness if shared.processes and number > 0 else None  # saves the search
-        course = fit_course(place, weighted * said, said, None, orders, known, unseen, round_)
+        course = fit_course(place, weighted * said, said, None, orders, known, unseen, shared)
         before, about = about, course.value(place)
         if (np.abs(about - before) < SETTLED_U * course.u(place)).all():
             break
@@ -165,8 +165,6 @@ def find_end(
     else:
         still = np.interp(course.at_mm, place, (about - before) / PART_STEP)
         course = replace(course, variance=course.variance + still**2)
-    if shared.may_step:
-        course = replace(course, step_u=fit_course(place, weighted * said, said, None, orders, shared=shared).step_u)
     first_of = np.searchsorted(cell, np.arange(place.size))  # frames are in order
     most = np.maximum.reduceat(ends.weight, first_of)
     counts = ends.weight > 0.5 * most[cell]  # a pass that does not see the end says nothing of where it is

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.drawn.plates import random_recipe
 from bench.drawn.swept import random_swept_recipe
 from bench.score.face import rough_upper_side
 from bench.simulators.swept import simulate_swept
@@ -20,6 +21,7 @@ from workbench.cloud import denoise
 from workbench.edge import segment_raw
 from workbench.errors import InputError
 from workbench.scan import fuse
+from workbench.synthetic import simulate_recording
 from workbench.units import DEG, Float
 
 Scans = Callable[..., Any]
@@ -70,6 +72,14 @@ def test_a_rough_face_is_its_plane_over_20_mm(seed: int) -> None:
     assert (np.abs(turn) < 3 * edge.normal_u[edge.seen] / DEG).all()
     heading = np.linalg.norm(np.cross(edge.tangent[edge.seen], at_stations(part, edge, "tangent")), axis=1)
     assert np.mean(heading < 2 * edge.tangent_u[edge.seen]) > 0.8
+
+
+def test_depths_of_a_rough_face_are_no_chamfer_of_its_end() -> None:
+    """They passed for one of 1.8 mm, and a sound recording was refused."""
+    recording, truth = simulate_recording(random_recipe("raw_rough", 17940001))
+    edge = segment_raw(denoise(fuse(recording)), upper_side=rough_upper_side(truth))
+    off = edge.position_mm[edge.seen] - at_stations(SimpleNamespace(truth=truth), edge, "position_mm")
+    assert np.abs((off * edge.across[edge.seen]).sum(axis=1)).max() < 0.05
 
 
 @pytest.mark.parametrize(

@@ -507,7 +507,7 @@ def _end_along(
         broken = _broken(cloud, found, side, condition)
         if shared.over_mm:  # depths of a rough face may feign one
             feigned = np.hypot(broken.beyond_mm, broken.u_mm)
-            broken = replace(broken, beyond_mm=np.zeros(feigned.size), u_mm=feigned)
+            broken = replace(broken, beyond_mm=np.zeros(feigned.size), u_mm=feigned, size_mm=0.0)
         side = replace(
             side,
             low=side.low + broken.beyond_mm,

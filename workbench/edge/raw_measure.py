@@ -486,7 +486,7 @@ def _found_end(
     end = find_end(known, course, shared, orders)
     likeliest = max(shared.processes, key=lambda one: one.share, default=None)
     said = readings(end.s, end.middle, end.middle_u, end.course.at_mm, end.course, is_all=False, shared=likeliest)
-    end = replace(end, course=said.moved(end.course).doubted(said.u_mm))
+    end = replace(end, course=said.moved(end.course).doubted(said.u_mm, said.turning_u_mm))
     low = np.where(side.silhouette, side.low, np.nan)
     reached = reached_mm(side.s, low, side.step, side.sigma, end.course, end.s)
     return end.course, np.interp(np.nan_to_num(side.s), end.s, reached)

@@ -56,6 +56,7 @@ class Readings(NamedTuple):
     u_mm: Shaped[Float, " m"]
     own: Shaped[Float, " c"]  # probability that a cell shows the face's own end
     step_mm: Shaped[Float, " m"]  # by which the edge itself may step there
+    turning_u_mm: Shaped[Float, " m"]  # what of u_mm is no such step
 
     def moved(self, course: Course) -> Course:
         """The course, whose own places these are, where they say that the face itself ends."""
@@ -106,7 +107,7 @@ def readings(
     is_all: `u` is all by which a face's own end scatters, as what columns leave open is; else it may scatter by more.
     shared: errors that cells share beside it.
     """
-    nothing = Readings(np.zeros(at.size), np.zeros(at.size), np.ones(s.size), np.zeros(at.size))
+    nothing = Readings(np.zeros(at.size), np.zeros(at.size), np.ones(s.size), np.zeros(at.size), np.zeros(at.size))
     if s.size < LEAST_CELLS:
         return nothing
     noise = _Noise(u, is_all, shared)
@@ -127,8 +128,9 @@ def readings(
     off = np.stack([np.zeros(at.size), *(_own_step(one, s, value, at) for one in found)])
     shift = share @ apart
     own = share @ np.stack([plain.kept.astype(float), *(one.own * one.course.kept for one in found)])
-    variance = share @ ((apart - shift) ** 2 + own_u**2 + STEPPED * off**2 / (1.0 + (off / STEP_MM) ** 2))
-    return Readings(shift, np.sqrt(variance), own, share @ off)
+    turning = share @ ((apart - shift) ** 2 + own_u**2)
+    stepping = share @ (STEPPED * off**2 / (1.0 + (off / STEP_MM) ** 2))
+    return Readings(shift, np.sqrt(turning + stepping), own, share @ off, np.sqrt(turning))
 
 
 def _own_step(one: _Reading, s: Float, value: Float, at: Float) -> Float:

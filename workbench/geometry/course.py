@@ -102,9 +102,9 @@ class Course:
             variance = variance + beyond**2 * np.interp(s, self.at_mm, self.slope_variance)
         return np.sqrt(variance)
 
-    def doubted(self, u: Float) -> Course:
-        """The course with a further standard uncertainty (k,) of its values at `at_mm`, which comes and goes."""
-        turn = u / DIRECTION_MM
+    def doubted(self, u: Float, turning_u: Float) -> Course:
+        """The course with a further standard uncertainty (k,) of its values at `at_mm`; what of it comes and goes."""
+        turn = turning_u / DIRECTION_MM
         return replace(self, variance=self.variance + u**2, slope_variance=self.slope_variance + turn**2)
 
     def u_without(self, s: Float, known_u: Float) -> Float:
@@ -248,7 +248,7 @@ def _unfollowed(course: Course, values: Values) -> Course:
     ends = np.searchsorted(values.s[order], course.at_mm + np.array([[-half], [half]]))
     pull, total = (np.diff(np.append(0.0, np.cumsum((weight * of)[order]))[ends], axis=0)[0] for of in (together, 1.0))
     departure = _neighbours(pull / np.where(pull > 0.0, total, 1.0), 5).max(axis=-1)
-    return course.doubted(departure)
+    return course.doubted(departure, departure)
 
 
 def _neighbours(value: AnyArray, count: int) -> Float:

@@ -49,6 +49,7 @@ PEAKED = 2.5
 # next; bins; share of their mean that is a valley.
 CORE, SCALES, COARSER, LEAST_BINS, VALLEYS, VALLEY = 2.5, (1, 6, 36, 216), 6, 4, 40, 0.25
 PACKED = "returns packed into the first columns, lost ones left out: export every column, lost returns as NaN"
+WIDER = 4.0  # times the digits: steps of fewer hide where noise is wide
 LEAST_FILLED, APART = 30, 8  # columns apart, whose noise no median or hold has made alike
 POSITION_DIGIT = 1e-6  # mm: a position in metres or inches is a multiple to no more
 STEP_SHARE = 0.02  # of the least step: values that are off a multiple by more are not rounded to it
@@ -188,7 +189,9 @@ def _filled_share(z: Float, digit_mm: float) -> float:
                 - SURE_SD * np.sqrt(bent + (4.0 * one + 0.25 * two) / 9.0 + 1.0),
             )
             if surely > LEAST_FILLED:
-                found = max(found, there - min(flat, bent))
+                wider = float(_counts_off(as_input(way), k, share, WIDER * edge * digit_mm)[1:].sum())
+                if (one + two) * WIDER > 0.5 * wider:  # else noise leaves valleys: these are steps of a few digits
+                    found = max(found, there - min(flat, bent))
     lost = np.isnan(z)
     short = lost[:, 1:-1] & ~(lost[:, :-2] & lost[:, 2:])
     return found / (found + float(np.count_nonzero(short))) if found else 0.0

@@ -105,6 +105,13 @@ def test_units_below_the_header_and_a_log_that_lasts_as_long(
     assert not [text for text in tree["uncertain"] if "profiles.length_unit" in text or "profiles.time_unit" in text]
     got = imported(scan, robot, mapping=tmp_path / "map.json")
     np.testing.assert_allclose(got.z_mm, milled.z_mm[::20], atol=1e-4)
+    for other in ("-;ms;[mm];[um]", "-;us;[mm];[mm]"):
+        scan.write_text("\n".join(["profile;timestamp;x;z", other, *rows]))
+        with pytest.raises(InputError, match=r"as the mapping says, found u[ms] below the header"):
+            imported(scan, robot, mapping=tmp_path / "map.json")
+    scan.write_text("profile;timestamp;x;z")
+    with pytest.raises(InputError, match="expected rows of numbers"):
+        imported(scan, robot, mapping=tmp_path / "map.json")
 
 
 def test_what_nobody_has_confirmed_is_not_measured_by(

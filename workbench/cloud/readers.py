@@ -105,7 +105,7 @@ def _table(file: str) -> Float:
     if len(readings) > len(text) / 2:
         return np.array([found.groups() for found in readings], dtype=float)
     mark, decimal = max(WAYS, key=lambda way: _numbers_in(text[len(text) // 2], *way)) if text else WAYS[0]
-    text = [line.replace(decimal, ".") for line in text]
+    text = [line.replace(",", ".") for line in text] if decimal == "," else text
     titles = [OF_UNIT.sub("", title.strip(' "\n')).lower() for title in text[0].split(mark)] if text else []
     if {"x", "y", "z"} <= set(titles):
         return np.loadtxt(text[1:], usecols=[titles.index(axis) for axis in "xyz"], delimiter=mark, ndmin=2)

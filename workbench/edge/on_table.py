@@ -10,7 +10,7 @@ from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, Cloud
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.raw_faces import RawFaces
 from workbench.geometry import end_face
-from workbench.geometry.along import running_median
+from workbench.geometry.along import in_order, near, running_median
 from workbench.geometry.blocks import as_input
 from workbench.geometry.tracking import FINAL_SIGMAS
 from workbench.kernels import kernel
@@ -63,8 +63,12 @@ def gap_u_mm(gap_mm: Float, s_frames: Float, at: Float, hidden_mm: float) -> Flo
 
     hidden_mm: what frames do not show. The edge lies between where the face ends and where it crosses what is below.
     """
-    open_mm = np.where(np.isfinite(gap_mm), np.hypot(gap_mm, hidden_mm), 0.0)  # a single frame may be misread
-    return running_median(s_frames, open_mm, at, NEAR_MM) / math.sqrt(3.0)
+    on, shown = in_order(s_frames), np.isfinite(gap_mm)
+    first, last = near(s_frames[on], at, NEAR_MM)
+    count = np.append(0, np.cumsum(shown[on]))
+    share = (count[last] - count[first]) / np.maximum(last - first, 1)  # a single frame may be misread
+    typical_mm = running_median(s_frames, gap_mm, at, NEAR_MM)
+    return np.asarray(np.hypot(typical_mm, hidden_mm) * np.sqrt(share / 3.0))
 
 
 @kernel

@@ -21,13 +21,13 @@ def recovered_grid(points: PointSet) -> Cloud | None:
     mm, row, column = points.points_mm, points.row, points.column
     lines = None
     if row is not None and column is not None:
-        order = np.argsort(column, kind="stable")
-        if _bend(mm, row) < _bend(mm[order], column[order]) / STRAIGHTER:  # a file with its rows along the edge
+        if _bend(mm, row) < _bend(mm, column) / STRAIGHTER:  # a file with its rows along the edge
+            order = np.argsort(column, kind="stable")
             mm, row, column = mm[order], column[order], row[order]
         lines = lines_of_rows(mm, row)
     if lines is None:
-        lines, column = scan_lines(points.points_mm), None
-        mm = points.points_mm
+        mm, column = points.points_mm, None
+        lines = scan_lines(mm)
     if lines is None:
         return None
     grid = scan_grid(mm, lines, column)
@@ -36,9 +36,14 @@ def recovered_grid(points: PointSet) -> Cloud | None:
     return organised(points, grid.x_mm, grid.z_mm, grid.base_from_profiler, lines.pass_index)
 
 
-def _bend(points_mm: Float, row: Int) -> float:
-    """How far rows of points are from straight: the second of a row's principal spreads over the first, the median."""
-    rows = np.split(points_mm, np.flatnonzero(np.diff(row)) + 1)
+def _bend(points_mm: Float, line: Int) -> float:
+    """How far lines of points are from straight: the second of a line's principal spreads over the first, the median.
+
+    line (n,): the number of each point's, of which some are looked at.
+    """
+    on = np.flatnonzero(np.isin(line, evenly(int(line.max()) + 1, SAMPLE_FRAMES)))
+    on = on[np.argsort(line[on], kind="stable")]
+    rows = np.split(points_mm[on], np.flatnonzero(np.diff(line[on])) + 1)
     spreads = [np.linalg.svd(one - one.mean(axis=0), compute_uv=False) for one in rows if len(one) > LEAST_POINTS]
     return float(np.median([one[1] / one[0] for one in spreads])) if spreads else 0.0
 

@@ -103,7 +103,7 @@ class Course:
         return np.sqrt(variance)
 
     def doubted(self, u: Float, turning_u: Float) -> Course:
-        """The course with a further standard uncertainty (k,) of its values at `at_mm`; what of it comes and goes."""
+        """The course with a further u (k,) of its values at `at_mm`, of which turning_u turns it, over DIRECTION_MM."""
         turn = turning_u / DIRECTION_MM
         return replace(self, variance=self.variance + u**2, slope_variance=self.slope_variance + turn**2)
 

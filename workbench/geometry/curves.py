@@ -12,6 +12,7 @@ import scipy
 from workbench.geometry.along import by_pass
 from workbench.geometry.blocks import as_input
 from workbench.geometry.course import Course, fit_course, stretches
+from workbench.geometry.poses import unit
 from workbench.geometry.processes import Process, Shared
 from workbench.geometry.splines import Spline, derivatives, piece_of, through
 from workbench.kernels import kernel
@@ -46,8 +47,7 @@ class Curve:
 
     def tangent(self, s: Float) -> Float:
         """Unit tangent t, (n, 3)."""
-        d = self.spline(np.clip(s, *self.spline.ends), 1)
-        return np.asarray(d / np.linalg.norm(d, axis=-1, keepdims=True))
+        return unit(self.spline(np.clip(s, *self.spline.ends), 1))
 
     def u(self, s: Float) -> Float:
         """Standard uncertainty (n,) of the position across the tangent, each way, mm: of what the points show."""

@@ -96,7 +96,7 @@ def frame_about(direction: Float, near: Float | None = None) -> Float:
     """
     near = np.eye(3)[np.argmin(np.abs(direction), axis=-1)] if near is None else near
     first = near - (near * direction).sum(axis=-1, keepdims=True) * direction
-    first = first / np.linalg.norm(first, axis=-1, keepdims=True)
+    first = unit(first)
     return np.stack([first, cross(direction, first), direction], axis=-2)
 
 
@@ -140,7 +140,7 @@ def quaternion_from_rotation(rotation: Float) -> Float:
     outer = np.ascontiguousarray(np.moveaxis(np.array(rows), (0, 1), (-2, -1)))
     best = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
     q = np.take_along_axis(outer, best[..., None, None], axis=-2)[..., 0, :]
-    q /= np.linalg.norm(q, axis=-1, keepdims=True)
+    q = unit(q)
     return np.asarray(np.where(q[..., :1] < 0, -q, q))
 
 
@@ -158,7 +158,7 @@ def slerp(start_wxyz: Float, end_wxyz: Float, fraction: Float) -> Float:
     from_start = np.where(turning, np.sin((1 - f) * angle) / sine, 1 - f)
     from_end = np.where(turning, np.sin(f * angle) / sine, f)
     q = from_start[..., None] * start + from_end[..., None] * end
-    return np.asarray(q / np.linalg.norm(q, axis=-1, keepdims=True))
+    return unit(q)
 
 
 def interpolate_poses(time_s: Float, pose_time_s: Float, position_mm: Float, quaternion_wxyz: Float) -> Float:

@@ -92,11 +92,9 @@ def drafted(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
     for name, tables in by_part.items():
         if tables:
             others = [source.name for source in sources if source not in [table[0] for table in tables]]
+            part, more = {"profiles": _profiles, "poses": _poses, "joints": _joints}[name](*tables[0][1:], frames_s)
             if name == "profiles":
-                part, more = _profiles(*tables[0][1:])
                 frames_s = _duration_s(part, *tables[0][1:])
-            else:
-                part, more = {"poses": _poses, "joints": _joints}[name](*tables[0][1:], frames_s)
             tree[name] = {"files": _pattern([table[0].name for table in tables], others), **part}
             if targets := _targets(tables[0][2].roles):
                 written = {"files": tree[name]["files"], **tables[0][1].as_part()}
@@ -164,8 +162,8 @@ def _table(source: Path, error: InputError) -> tuple[Form, Columns]:
     return form, columns
 
 
-def _profiles(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
-    """The part `profiles`."""
+def _profiles(form: Form, columns: Columns, frames_s: float) -> tuple[Tree, list[str]]:
+    """The part `profiles`; how long frames last is not known before (0)."""
     if columns.kind == "rows":
         return _ranges(form)
     roles = columns.roles
@@ -185,13 +183,13 @@ def _profiles(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
         doubts.append(f"profiles.columns.travel: {names['travel']!r} is taken as {unit} along the scan, not as counts")
     if part["frames"] != "column":
         names.pop("frame", None)
-    doubts += _timed(part, "profiles", form, roles, FRAME_S)
+    doubts += _timed(part, "profiles", form, roles, FRAME_S, frames_s)
     part["columns"] = names
     return part, doubts + _no_return(part, missing)
 
 
 def _timed(
-    part: Tree, name: str, form: Form, roles: dict[str, Named], usual_s: tuple[float, float], frames_s: float = 0.0
+    part: Tree, name: str, form: Form, roles: dict[str, Named], usual_s: tuple[float, float], frames_s: float
 ) -> list[str]:
     """Adds the unit of times, where the table has some; returns its doubts. Poses last about as long as frames do."""
     if "time" not in roles:
@@ -308,7 +306,7 @@ def _unit(what: str, stated: str, known: dict[str, float], *sizes: Size) -> tupl
         return stated, []
     units = [unit for unit, scale in known.items() if all(low <= size * scale <= high for size, (low, high) in sizes)]
     others = f"; {' or '.join(units[1:])} would be possible too" if units[1:] else ""
-    chosen, by = next(iter(units or known)), "steps of time" if known.keys() == TIME_S.keys() else "size of the numbers"
+    chosen, by = next(iter(units or known)), "steps of time" if "s" in known else "size of the numbers"
     return chosen, [f"{what}: {chosen}, by the {by} ({', '.join(f'{size:.4g}' for size, _ in sizes)}){others}"]
 
 

@@ -21,7 +21,8 @@ import numpy as np
 
 from workbench.errors import InputError, nearest
 from workbench.extras import Extra
-from workbench.importing.mapping_parts import TIME_S, UNITS, TextPart, TimeUnit
+from workbench.geometry.poses import USUAL_ANGLE_UNIT
+from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, UNITS, TextPart, TimeUnit
 from workbench.storage import regular_file
 from workbench.units import Bool, Float, Int, Shaped
 
@@ -390,8 +391,9 @@ def slabs(path: Path, part: TextPart) -> Iterator[Table]:
     for text in stretches(path, SLAB_BYTES, HEAD_BYTES):
         body = _plain_blanks(text, part)
         if not count:
-            if part.header and units_of(cells((body.split("\n", lines + 1) + [""] * 2)[lines], part.delimiter)):
-                lines += 1
+            above = body.split("\n", lines + 1)
+            units = units_of(cells(above[lines], part.delimiter)) if part.header and len(above) > lines else ()
+            lines += bool(units)
             above = body.split("\n", lines)
             body = above[lines] if len(above) > lines else ""
             first_row = body.lstrip("\n").split("\n", 1)[0]
@@ -402,6 +404,7 @@ def slabs(path: Path, part: TextPart) -> Iterator[Table]:
             hint = partial(otherwise_separated, text[:HEAD_BYTES].encode(), part)
             places = _places(part, header, count, where, hint)
             names = {role: repr(header[at]) if header else str(at) for role, at in places.items()}
+            _check_units({names[role]: units[at] for role, at in places.items() if at < len(units)}, part, where)
         table = Table(where, _parsed(body, part, places, count, where, lines), names, partial(_rows, body, lines))
         for role, values in table.columns.items():
             if np.isinf(values).any():
@@ -409,6 +412,19 @@ def slabs(path: Path, part: TextPart) -> Iterator[Table]:
                 raise InputError(place, f"column {names[role]}: expected a finite number")
         yield table
         lines += body.count("\n")
+
+
+def _check_units(stated: Mapping[str, str], part: TextPart, where: str) -> None:
+    """Refuse columns whose unit in a row below the header is another than the mapping's."""
+    angle = getattr(part, "angle_unit", None) or USUAL_ANGLE_UNIT.get(getattr(part, "convention", ""))
+    for name, unit in stated.items():
+        ours = next(
+            (one for kind, one in ((LENGTH_MM, part.length_unit), (TIME_S, part.time_unit)) if unit in kind), angle
+        )
+        if unit and ours and unit != ours:
+            raise InputError(
+                where, f"column {name}: expected {ours} as the mapping says, found {unit} below the header"
+            )
 
 
 def _plain_blanks(text: str, part: TextPart) -> str:

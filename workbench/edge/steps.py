@@ -33,8 +33,7 @@ OFF_MM, RAGGED_MM = 0.1, 0.02  # usual height off the face; by which ragged ones
 STRAY = 1e-3  # density, 1/mm, of a cell that says nothing
 # Of an edge that is prolonged somewhere, and of one that is shortened, against neither: burrs are more usual
 ODDS = 0.3, 0.15
-# Share of stretches that stand off by one height whose edge itself steps, as no return tells; seldom by more, mm
-STEPPED, STEP_MM = 0.3, 0.5
+STEPPED = 0.3  # of stretches that stand off by one height: that the edge itself steps, as no return tells
 JUMP = 3.0  # standard deviations of neighbours: half a column's step, as ends pass from column to column, is 2.4
 # Cells on each side, of which so many are taken for the face's own at first; how far so many lie low by chance
 NEAR, LOW, LOWER = 10, 0.25, 1.0 / TO_SD
@@ -129,7 +128,7 @@ def readings(
     shift = share @ apart
     own = share @ np.stack([plain.kept.astype(float), *(one.own * one.course.kept for one in found)])
     turning = share @ ((apart - shift) ** 2 + own_u**2)
-    stepping = share @ (STEPPED * off**2 / (1.0 + (off / STEP_MM) ** 2))
+    stepping = STEPPED * (share @ off**2)
     return Readings(shift, np.sqrt(turning + stepping), own, share @ off, np.sqrt(turning))
 
 

@@ -87,7 +87,8 @@ SHARE = 0.5  # of the places that must agree
 HUBER_SIGMAS = 2.5
 MISFITS, LEAST_MISFIT_MM = 3.0, 0.01  # of the usual misfit: more is another shape, such as a clamp
 STEPS, LEAST_STEP_MM = 8.0, 2.0  # of the usual motion from profile to profile: more is none
-SLOPE_REACH = 3  # cells of the grid on each side of a slope
+SLOPE_REACHES = 3, 16  # cells of the grid on each side of a slope; of profiles whose shape their noise hides
+LEAST_CELLS = 3  # of a slope
 SHAPED, MEDIAN_OF_SQUARE = 10.0, 0.455  # times the noise; of a squared standard normal number
 LEAST_TURN = 0.03  # rad; likewise of the usual turn
 
@@ -221,9 +222,7 @@ def _registered(surface: Float, at: Float, frames: Int) -> Chain | None:
         return None
     centre = np.array([at[GRID // 2], np.nanmedian(surface)])
     before, after = surface[:-1], surface[1:]
-    slope = slopes(before, pitch)
-    lines = _noise_alone(slope)
-    slope[lines] = np.where(np.isfinite(slope[lines]), row_medians(slope[lines])[:, None], np.nan)
+    slope = _told_slopes(before, pitch)
     pairs = len(before)
     motion = np.zeros((pairs, 3))  # shift_x, shift_z, turn
     spread, normal, agreeing = np.full(pairs, np.inf), np.zeros((pairs, 3, 3)), np.zeros(pairs, np.int64)
@@ -241,29 +240,47 @@ def _registered(surface: Float, at: Float, frames: Int) -> Chain | None:
     return Chain(frames, centre, motion[:, 0], motion[:, 1], motion[:, 2], good, spread * np.sqrt(variance))
 
 
-def slopes(surface: Float, pitch: float) -> Float:
-    """dz/dx at the cells of the grid, over three of them on each side where they are there."""
-    slope = np.full(surface.shape, np.nan)
-    for reach in range(1, SLOPE_REACH + 1):
-        rise = (surface[:, 2 * reach :] - surface[:, : -2 * reach]) / (2 * reach * pitch)
-        inner = slope[:, reach:-reach]
-        np.copyto(inner, rise, where=np.isfinite(rise))
+def _told_slopes(surface: Float, pitch: float) -> Float:
+    """dz/dx at the cells of profiles (k, m), over as few as tell a shape; the median of one that is a line.
+
+    A line tells no shift along itself. Noise is in both profiles; taken for a shape, it would lay them on each other
+    anywhere. Its slopes vary as much from one place to the next as over the whole profile; those of a bevel's profile
+    vary 200 to 5,000 times as much.
+    """
+    slope, size = _slopes(surface, pitch, SLOPE_REACHES[0])
+    apart = 2 * SLOPE_REACHES[0] + 1  # cells between which slopes share no point
+    near = (slope[:, apart:] - slope[:, :-apart]) ** 2 * size[:, apart:]
+    noise = row_medians(near) / (2.0 * MEDIAN_OF_SQUARE)
+    lines = np.flatnonzero(np.isfinite(noise))
+    for reach in SLOPE_REACHES:
+        slope[lines], size = _slopes(surface[lines], pitch, reach)
+        level = row_medians(slope[lines])[:, None]
+        lines = lines[np.nanmean((slope[lines] - level) ** 2 * size, axis=1) < SHAPED * noise[lines]]
+    slope[lines] = np.where(np.isfinite(slope[lines]), row_medians(slope[lines])[:, None], np.nan)
     return slope
 
 
-def _noise_alone(slope: Float) -> Bool:
-    """Rows (k,) of slopes (k, m) that vary by no more than their noise: a line, which tells no shift along itself.
+def _slopes(surface: Float, pitch: float, reach: int) -> tuple[Float, Float]:
+    """Least-squares dz/dx over `reach` cells on each side of each cell (k, m), and by what noise's variance is divided.
 
-    Noise is in both profiles; taken for a shape, it would lay them on each other anywhere. Its slopes differ as much
-    from one place to the next as over the whole profile; those of a bevel's profile differ 200 to 5,000 times as much.
+    Over one surface: no gap lies between. NaN where it has fewer than three cells.
     """
-    apart = 2 * SLOPE_REACH + 1  # cells between which slopes share no point
-    near = slope[:, apart:] - slope[:, :-apart]
-    found = np.zeros(len(slope), bool)
-    some = np.isfinite(near).any(axis=1)
-    noise = row_medians(near[some] ** 2) / (2.0 * MEDIAN_OF_SQUARE)
-    found[some] = np.nanvar(slope[some], axis=1) < SHAPED * noise
-    return found
+    here, at = np.isfinite(surface), np.arange(surface.shape[1])
+    ends = np.where(here, -1, at), np.where(here, at.size, at)
+    begin = np.maximum(np.maximum.accumulate(ends[0], axis=1) + 1, at - reach)
+    stop = np.minimum(np.minimum.accumulate(ends[1][:, ::-1], axis=1)[:, ::-1], at + reach + 1)
+    stop = np.maximum(stop, begin)
+
+    def over(values: Float) -> Float:
+        total = np.pad(np.cumsum(values, axis=1), ((0, 0), (1, 0)))
+        return np.asarray(np.take_along_axis(total, stop, axis=1) - np.take_along_axis(total, begin, axis=1))
+
+    x, z = pitch * at, np.where(here, surface - row_medians(surface)[:, None], 0.0)
+    count = (stop - begin).astype(float)
+    count[count < LEAST_CELLS] = np.nan
+    middle = pitch * (begin + stop - 1) / 2.0
+    size = pitch**2 * count * (count**2 - 1.0) / 12.0
+    return (over(x * z) - middle * over(z)) / size, size
 
 
 @kernel(error_model="numpy")

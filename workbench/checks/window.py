@@ -18,8 +18,8 @@ from workbench.units import AnyArray, Bool, Float, Int
 
 PINNED = 0.7  # share of the frames whose returns end in one and the same column
 PIECES, BEND = 8, np.radians(10.0)  # of a profile, and by how much they differ where its motion shows
-MOVED_MM, MOVED_COLUMNS = 0.2, 1.6  # robust standard deviation, by which the end of what is seen would move: ends of
-# parts that stay in one column move by up to 0.06 mm, as the sizes of their faces change, along a ring by 0.08
+MOVED_MM, MOVED_COLUMNS = 0.25, 1.6  # robust standard deviation, by which the end of what is seen would move: ends of
+# parts that stay in one column move by up to 0.06 mm, along a ring by 0.08, as a root face doubles by 0.21
 
 BLOCKS, LEAST_ENDS = (32, 16, 8), 20  # columns by which windows move; frames that tell
 IN_STEPS, OFTEN = 0.75, 0.05  # share of the frames whose returns end so; and in the third commonest column

@@ -13,6 +13,7 @@ import pytest
 
 from bench.drawn.plates import random_recipe
 from bench.drawn.swept import random_swept_recipe
+from bench.recordings import with_values
 from bench.score.face import rough_upper_side
 from bench.simulators.swept import simulate_swept
 from tests.seldom import seldom
@@ -101,6 +102,28 @@ def test_a_ring_is_known_to_its_ends() -> None:
     tangent = at_stations(SimpleNamespace(truth=truth), edge, "tangent")
     off = np.linalg.norm(np.cross(edge.tangent[edge.seen], tangent), axis=1)
     assert (off < 2.0 * edge.tangent_u[edge.seen]).all()
+
+
+@pytest.mark.parametrize(
+    ("parts", "seed", "noise_mm"),
+    [("plain", 17971000, None), ("plain", 17971000, 0.03), *seldom(("arc", 17971000, 0.03))],
+)
+def test_passes_that_disagree_are_averaged(parts: str, seed: int, noise_mm: float | None) -> None:
+    """The second lies 0.2 mm off: the edge is half way, as its u says, and has no wave from one pass to the other."""
+    recipe = random_swept_recipe(f"swept_raw_{parts}", seed)
+    recording, truth = simulate_swept(recipe.model_copy(update={"passes": (*recipe.passes, *recipe.passes)}))
+    second = recording.robot_pass > recording.robot_pass[0]
+    place = recording.robot_position_mm + np.outer(second, [0.1, -0.12, 0.12])
+    cloud = denoise(fuse(with_values(recording, robot_position_mm=place)))
+    length_mm = None if noise_mm is None else 20.0
+    declared = {"robot_noise_mm": noise_mm, "robot_noise_length_mm": length_mm}
+    edge = segment_raw(cloud, upper_side=rough_upper_side(truth), **declared)
+    scan = SimpleNamespace(truth=truth)
+    for off, u_mm in zip(off_true(scan, edge)[:2], edge.position_u_mm[edge.seen].T, strict=True):
+        assert np.abs(off).max() < 0.13
+        assert (np.abs(off) < 2.0 * u_mm).all()
+    turned = np.linalg.norm(np.cross(edge.tangent[edge.seen], at_stations(scan, edge, "tangent")), axis=1)
+    assert turned.max() < 0.2 * DEG
 
 
 @pytest.mark.parametrize("side", ["lower", *seldom("upper")])

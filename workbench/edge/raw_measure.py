@@ -28,7 +28,7 @@ from workbench.errors import InputError
 from workbench.geometry.along import between, by_pass, in_order, running_median
 from workbench.geometry.blocks import evenly
 from workbench.geometry.chains import FaceLines
-from workbench.geometry.course import Course, fit_course, likely_processes
+from workbench.geometry.course import CHANCE, Course, fit_course, likely_processes
 from workbench.geometry.curves import Curve, along_motion, curve_through, fit_curve
 from workbench.geometry.end_face import MARGIN_MM
 from workbench.geometry.grids import columns_to_next
@@ -471,6 +471,7 @@ def _found_end(
     course = fit_course(side.s, side.middle, side.variance, pass_index, orders, shared=shared)
     if not whole or not (side.silhouette & np.isfinite(side.low)).any():
         return course, np.zeros(side.s.size)
+    side = replace(side, low=side.low - _apart(side, course, pass_index))
     column = np.where(side.silhouette, side.ends.column, 0).astype(np.int64)
     freed = settled(side.s, side.low, side.step, side.sigma, column, pass_index)
     on = in_order(np.where(course.kept, side.s, np.nan), freed.low, freed.sigma)
@@ -486,10 +487,20 @@ def _found_end(
     end = find_end(known, course, shared, orders)
     likeliest = max(shared.processes, key=lambda one: one.share, default=None)
     said = readings(end.s, end.middle, end.middle_u, end.course.at_mm, end.course, is_all=False, shared=likeliest)
-    end = replace(end, course=said.moved(end.course).doubted(said.u_mm, said.turning_u_mm))
+    u = np.sqrt(said.u_mm**2 + course.between)  # `find_end` takes its frames for those of one pass
+    end = replace(end, course=said.moved(end.course).doubted(u, said.turning_u_mm))
     low = np.where(side.silhouette, side.low, np.nan)
     reached = reached_mm(side.s, low, side.step, side.sigma, end.course, end.s)
     return end.course, np.interp(np.nan_to_num(side.s), end.s, reached)
+
+
+def _apart(side: _Side, course: Course, pass_index: Int) -> Float:
+    """How far each pass lies beside the course of all (N,), mm, but for columns: these pass the end here and there."""
+    off, left = np.zeros(side.s.size), side.middle - course.value(side.s)
+    for mine in by_pass(pass_index, np.isfinite(left)):
+        middle, by_columns = float(np.median(left[mine])), float(np.mean(side.step[mine] ** 2)) / 12.0
+        off[mine] = middle * max(1.0 - CHANCE**2 * by_columns / max(middle**2, 1e-12), 0.0)
+    return off
 
 
 def _end_along(

@@ -310,7 +310,7 @@ def _under(
     bin_mm: float,
 ) -> tuple[float, Callable[[], Course]]:
     """The evidence of one process, or none, that values share; and the course under it, for when it is asked for."""
-    bins, between, pass_turn = (bins, 0.0, PassTurn()) if process and process.by_pass else _aligned(bins, orders[0] > 1)
+    bins, between, pass_turn = _aligned(bins, orders[0] > 1)
     noise_factor = _noise(bins, stated, orders, process)
     alone = 1.0 if stated else noise_factor  # a bin of one value scatters as the value does
     frame_factor = alone if math.isnan(bins.frame_factor) else bins.frame_factor
@@ -359,8 +359,10 @@ def _under(
         # Values that leave the course by more are noisier than stated: what they share is as declared.
         raised = max(1.0, misfit)
         value, slope = raised * np.stack([value, slope]) + (1.0 - raised) * by_shared
-        value += between + pass_turn.variance * (stations - pass_turn.about_mm) ** 2
-        slope += pass_turn.variance
+        known = CHANCE**2 * by_shared  # so far apart passes lie by chance, by the errors that their values share
+        apart = np.maximum(between + pass_turn.variance * (stations - pass_turn.about_mm) ** 2 - known[0], 0.0)
+        value += apart
+        slope += np.maximum(pass_turn.variance - known[1], 0.0)
         return Course(
             spline,
             stations,
@@ -374,7 +376,7 @@ def _under(
             (found,),
             shared_variance=by_shared[0],
             spent=spent,
-            between=between,
+            between=float(apart.min()),
         )
 
     return evidence, course

@@ -165,9 +165,9 @@ FAULTS = {  # of `bench.confidently_wrong`: the check that fails, and what it sa
     "positions in inches": ("reach_mm", "inches"),
     "profiles in m": ("view_width_mm", "metres"),
     "poses frozen": ("standing_share", "frozen"),
-    "every 20th frame 20 times": ("repeated_share", "repeating scanner"),
+    "every 20th frame 20 times": ("repeated_run", "repeating scanner"),
     "last frames ten late": ("repeated_run", "times in a row"),
-    "scanner hangs for an eighth": ("repeated_share", "frozen"),
+    "scanner hangs for an eighth": ("repeated_run", "frozen"),
     "quaternions x y z w": ("obliquity_deg", "x y z w"),
     "hand-eye inverted": ("obliquity_deg", "hand-eye pose is inverted"),
     "hand-eye transposed": ("obliquity_deg", "transposed"),
@@ -185,6 +185,14 @@ def test_a_fault_is_seen_and_named(kind: str) -> None:
     found = failed(KINDS[kind].spoil(good(), np.random.default_rng(0)))
     assert name in found, found
     assert words in found[name]
+
+
+def test_a_driver_that_reads_each_frame_twice_is_no_fault() -> None:
+    twice = KINDS["every frame twice"].spoil(good(), np.random.default_rng(0))
+    checks, once = judged(twice)
+    assert all(one.passed for one in checks)
+    assert next(one.value for one in checks if one.name == "repeated_share") == 0.5
+    assert 2 * len(once.time_s) == len(twice.time_s)
 
 
 def test_a_refusal_names_the_first_suspicion_in_one_short_line() -> None:

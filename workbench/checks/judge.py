@@ -407,17 +407,15 @@ def _copy_checks(
     copies = ", ".join(f"{copy} of {original}" for copy, original in list(passes.items())[:MOST_NAMED])
     again = np.isin(recording.pass_index, list(passes))
     copied = repeats.copies | again if calibration else repeats.copies & ~again
-    findings = [f"{100 * copied.mean():.1f} % of the frames are an earlier frame again: a frozen or repeating scanner?"]
+    findings = [f"{100 * copied.mean():.1f} % of the frames are an earlier frame again"] if copied.any() else []
     if passes:
-        once = "" if calibration else ", and count once"
-        findings.append(f"{len(passes)} of {count} passes are copies of others{once}: {copies}")
-    yield check(
-        "repeated_share", float(copied.mean()), "; ".join(findings if copied.any() else findings[1:]), given=given
-    )
-    run = max((last - first + 1 for first, last in runs(repeats.copies & ~again)), default=0)
+        findings.append(f"{len(passes)} of {count} passes are copies of others: {copies}")
+    reason = "of frames that repeat others the first counts"
+    yield Check("repeated_share", float(copied.mean()), None, True, reason, "; ".join(findings))
+    run = max((last - first + 1 for first, last in runs(copied)), default=0)
     waits = f"one profile comes {run + 1} times in a row: a frozen or repeating scanner, a driver that waits? All that "
     waits += "comes after may be as many frames late"
-    yield check("repeated_run", None if calibration else float(run), waits, given=given)
+    yield check("repeated_run", float(run), waits, given=given)
 
 
 def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:

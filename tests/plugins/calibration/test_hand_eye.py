@@ -158,7 +158,7 @@ def test_repeats_are_averaged_not_counted() -> None:
     rec, _ = made(2)
     rows = np.repeat(np.arange(9), 5)
     again = dataclasses.replace(rec, time_s=np.arange(45.0), x_mm=rec.x_mm[rows], z_mm=rec.z_mm[rows], pass_index=rows)
-    one, five = (hand_eye(circles(r, limits={"repeated_share": 1.0}), r)[1] for r in (rec, again))
+    one, five = (hand_eye(circles(r, limits={"repeated_run": 100.0}), r)[1] for r in (rec, again))
     assert 0.9 * one.volume_u_mm < five.volume_u_mm <= one.volume_u_mm
     assert five.frames[3] == (15, 16, 17, 18, 19)
 

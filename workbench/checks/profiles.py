@@ -271,7 +271,7 @@ def _slopes(surface: Float, pitch: float, reach: int) -> tuple[Float, Float]:
     stop = np.minimum(np.minimum.accumulate(ends[1][:, ::-1], axis=1)[:, ::-1], at + reach + 1)
     stop = np.maximum(stop, begin)
 
-    def over(values: Float) -> Float:
+    def over(values: AnyArray) -> Float:
         total = np.pad(np.cumsum(values, axis=1), ((0, 0), (1, 0)))
         return np.asarray(np.take_along_axis(total, stop, axis=1) - np.take_along_axis(total, begin, axis=1))
 

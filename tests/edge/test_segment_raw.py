@@ -13,14 +13,15 @@ import pytest
 
 from bench.drawn.plates import random_recipe
 from bench.drawn.swept import random_swept_recipe
-from bench.recordings import with_values
+from bench.recordings import frames, with_values
 from bench.score.face import rough_upper_side
 from bench.simulators.swept import simulate_swept
 from tests.seldom import seldom
 from workbench.artefacts import Edge
 from workbench.cloud import denoise
-from workbench.edge import segment_raw
+from workbench.edge import segment, segment_raw
 from workbench.errors import InputError
+from workbench.geometry.along import by_pass
 from workbench.scan import fuse
 from workbench.synthetic import simulate_recording
 from workbench.units import DEG, Float
@@ -124,6 +125,39 @@ def test_passes_that_disagree_are_averaged(parts: str, seed: int, noise_mm: floa
         assert (np.abs(off) < 2.0 * u_mm).all()
     turned = np.linalg.norm(np.cross(edge.tangent[edge.seen], at_stations(scan, edge, "tangent")), axis=1)
     assert turned.max() < 0.2 * DEG
+
+
+def in_parts(kind: str, order: tuple[int, ...]) -> tuple[Any, Any]:
+    """A ring that passes scan a part each, in this order, with a gap of 2 % of the ring between."""
+    recipe = random_swept_recipe(kind, 17986000)
+    recording, truth = simulate_swept(recipe.model_copy(update={"passes": (*recipe.passes,) * len(order)}))
+    share = np.concatenate(
+        [
+            (np.arange(one.size) / one.size - k / len(order)) * len(order)
+            for one, k in zip(by_pass(recording.pass_index), order, strict=True)
+        ]
+    )
+    return denoise(fuse(frames(recording, (share > 0.03) & (share < 0.97)))), truth
+
+
+@pytest.mark.parametrize("order", [(0, 2, 1), (1, 0)])
+def test_a_raw_ring_is_measured_in_parts(order: tuple[int, ...]) -> None:
+    """Parts that do not overlap were placed by their middles, and a curve that began before the longest was lost."""
+    cloud, truth = in_parts("swept_raw_ring", order)
+    edge = segment_raw(cloud, upper_side=rough_upper_side(truth))
+    assert edge.seen.mean() > 0.95
+    for off, u_mm in zip(
+        off_true(SimpleNamespace(truth=truth), edge)[:2], edge.position_u_mm[edge.seen].T, strict=True
+    ):
+        assert (np.abs(off) < 2.0 * u_mm).all()
+
+
+def test_a_milled_ring_is_measured_in_parts() -> None:
+    cloud, truth = in_parts("swept_ring", (1, 0))
+    edge = segment(cloud)
+    root_mm = truth.at(edge.position_mm[edge.seen], truth.root_mm)
+    assert edge.seen.mean() > 0.95
+    assert (np.abs(edge.root.value[edge.seen] - root_mm) < 2.5 * edge.root.u[edge.seen]).all()
 
 
 @pytest.mark.parametrize("side", ["lower", *seldom("upper")])

@@ -155,7 +155,7 @@ def along_motion(points_mm: Float, tangent: Float, group: Int) -> Float:
     """A rough arc length (n,) mm for each of n points (n, 3), in order of time, that passes measured along one edge.
 
     What counts is the motion along the edge's own direction (n, 3) there: a pass may bend, close, stop and reverse.
-    The longest pass lays down the course; the others are placed on it.
+    The longest pass lays down the course; the others are placed on it and on each other, the nearest first.
     """
     s = np.zeros(len(points_mm))
     passes = by_pass(group)
@@ -165,14 +165,17 @@ def along_motion(points_mm: Float, tangent: Float, group: Int) -> Float:
             ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
             s[mine[1:]] = np.cumsum((np.diff(points_mm[mine], axis=0) * ahead).sum(axis=1))
     longest = max(passes, key=lambda mine: float(np.ptp(s[mine])))
-    if len(passes) > 1:
-        course_s, course = _course(s[longest], points_mm[longest])
-        tree = scipy.spatial.cKDTree(course)
-        for mine in passes:
-            if mine is not longest:
-                nearest = tree.query(points_mm[mine])[1]
-                s[mine] += np.median(course_s[nearest] - s[mine])
-    return s - float(s[longest].min())
+    placed, rest = longest, [mine for mine in passes if mine is not longest]
+    while rest:
+        course_s, course = _course(s[placed], points_mm[placed])
+        apart, nearest = zip(*map(scipy.spatial.cKDTree(course).query, (points_mm[mine] for mine in rest)), strict=True)
+        k = int(np.argmin([one.min() for one in apart]))
+        mine, near = rest.pop(k), apart[k] < apart[k].min() + BLOCK_MM
+        beside, at = mine[near], nearest[k][near]
+        further = ((points_mm[beside] - course[at]) * tangent[beside]).sum(axis=1)
+        s[mine] += np.median(course_s[at] + further - s[beside])
+        placed = np.concatenate([placed, mine])
+    return s - s.min()
 
 
 def _course(s: Float, points: Float) -> tuple[Float, Float]:

@@ -21,7 +21,6 @@ from workbench.artefacts import Edge
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_raw
 from workbench.errors import InputError
-from workbench.geometry.along import by_pass
 from workbench.scan import fuse
 from workbench.synthetic import simulate_recording
 from workbench.units import DEG, Float
@@ -131,12 +130,10 @@ def in_parts(kind: str, order: tuple[int, ...]) -> tuple[Any, Any]:
     """A ring that passes scan a part each, in this order, with a gap of 2 % of the ring between."""
     recipe = random_swept_recipe(kind, 17986000)
     recording, truth = simulate_swept(recipe.model_copy(update={"passes": (*recipe.passes,) * len(order)}))
-    share = np.concatenate(
-        [
-            (np.arange(one.size) / one.size - k / len(order)) * len(order)
-            for one, k in zip(by_pass(recording.pass_index), order, strict=True)
-        ]
-    )
+    share = np.empty(len(recording.time_s))
+    for number, part in zip(np.unique(recording.pass_index), order, strict=True):
+        mine = recording.pass_index == number
+        share[mine] = np.linspace(0.0, len(order), mine.sum()) - part
     return denoise(fuse(frames(recording, (share > 0.03) & (share < 0.97)))), truth
 
 

@@ -359,10 +359,11 @@ def _under(
         # Values that leave the course by more are noisier than stated: what they share is as declared.
         raised = max(1.0, misfit)
         value, slope = raised * np.stack([value, slope]) + (1.0 - raised) * by_shared
-        known = CHANCE**2 * by_shared  # so far apart passes lie by chance, by the errors that their values share
-        apart = np.maximum(between + pass_turn.variance * (stations - pass_turn.about_mm) ** 2 - known[0], 0.0)
+        # Errors that their values share part passes as well.
+        apart = between + pass_turn.variance * (stations - pass_turn.about_mm) ** 2
+        apart = np.maximum(apart - by_shared[0], 0.0)
         value += apart
-        slope += np.maximum(pass_turn.variance - known[1], 0.0)
+        slope += np.maximum(pass_turn.variance - by_shared[1], 0.0)
         return Course(
             spline,
             stations,

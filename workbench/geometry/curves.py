@@ -175,7 +175,7 @@ def along_motion(points_mm: Float, tangent: Float, group: Int) -> Float:
         further = ((points_mm[beside] - course[at]) * tangent[beside]).sum(axis=1)
         s[mine] += np.median(course_s[at] + further - s[beside])
         placed = np.concatenate([placed, mine])
-    return s - s.min()
+    return np.asarray(s - s.min())
 
 
 def _course(s: Float, points: Float) -> tuple[Float, Float]:

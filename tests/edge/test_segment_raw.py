@@ -93,6 +93,7 @@ def test_frames_that_lose_the_lower_part_of_the_face_bend_no_edge(parts: str, se
     edge = segment_raw(denoise(fuse(recording)), upper_side=rough_upper_side(truth))
     tangent = at_stations(SimpleNamespace(truth=truth), edge, "tangent")
     assert np.linalg.norm(np.cross(edge.tangent[edge.seen], tangent), axis=1).max() < most_deg * DEG
+    assert parts == "mixed" or "short of its course" in " ".join(edge.warnings)
 
 
 def test_a_ring_is_known_to_its_ends() -> None:

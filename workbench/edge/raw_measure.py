@@ -66,6 +66,7 @@ class EndAlong:
     s: Shaped[Float, " N"]  # arc length at which each frame shows it; NaN where it does not
     broken: BrokenEnd  # of the N frames
     reached_mm: Shaped[Float, " N"]  # by how much frames near each show the face beyond it
+    step_mm: Shaped[Float, " k"]  # by which the edge itself may step at `course.at_mm`, outwards
 
     def value(self, at: Float) -> Float:
         """Distance (k,) at arc lengths `at` (k,), mm."""
@@ -466,11 +467,14 @@ def _found_end(
     orders: tuple[int, int],
     shared: Shared,
     whole: bool = True,
-) -> tuple[Course, Float]:
-    """The end of the face along the edge, counted outwards; by how much frames near each (N,) reach beyond it."""
+) -> tuple[Course, Float, Float]:
+    """The end of the face along the edge, counted outwards; by how much frames near each (N,) reach beyond it.
+
+    And by how much the edge itself surely leaves its course (k,), if it steps.
+    """
     course = fit_course(side.s, side.middle, side.variance, pass_index, orders, shared=shared)
     if not whole or not (side.silhouette & np.isfinite(side.low)).any():
-        return course, np.zeros(side.s.size)
+        return course, np.zeros(side.s.size), np.zeros(course.at_mm.size)
     side = replace(side, low=side.low - _apart(side, course, pass_index))
     column = np.where(side.silhouette, side.ends.column, 0).astype(np.int64)
     freed = settled(side.s, side.low, side.step, side.sigma, column, pass_index)
@@ -487,11 +491,12 @@ def _found_end(
     end = find_end(known, course, shared, orders)
     likeliest = max(shared.processes, key=lambda one: one.share, default=None)
     said = readings(end.s, end.middle, end.middle_u, end.course.at_mm, end.course, is_all=False, shared=likeliest)
+    step = said.sure_step_mm(end.course)
     u = np.sqrt(said.u_mm**2 + course.between)  # `find_end` takes its frames for those of one pass
     end = replace(end, course=said.moved(end.course).doubted(u, said.turning_u_mm))
     low = np.where(side.silhouette, side.low, np.nan)
     reached = reached_mm(side.s, low, side.step, side.sigma, end.course, end.s)
-    return end.course, np.interp(np.nan_to_num(side.s), end.s, reached)
+    return end.course, np.interp(np.nan_to_num(side.s), end.s, reached), step
 
 
 def _apart(side: _Side, course: Course, pass_index: Int) -> Float:
@@ -524,8 +529,8 @@ def _end_along(
             low=side.low + broken.beyond_mm,
             sigma=side.sigma / np.sqrt(np.maximum(weights(side.s, broken.doubt_mm), 1e-6)),
         )
-    course, reached = _found_end(side, cloud.pass_index, (2, 3), shared, whole)
-    return EndAlong(_scaled(course, side.outward), bend, side.s, broken, reached)
+    course, reached, step = _found_end(side, cloud.pass_index, (2, 3), shared, whole)
+    return EndAlong(_scaled(course, side.outward), bend, side.s, broken, reached, step)
 
 
 def _broken(cloud: Cloud, found: RawFaces, side: _Side, condition: EdgeCondition) -> BrokenEnd:

@@ -52,7 +52,7 @@ from workbench.edge.raw_measure import (
     unevenness,
 )
 from workbench.edge.residual_image import face_image, forms
-from workbench.edge.steps import LEAST_BURRED, burr_stations
+from workbench.edge.steps import LEAST_BURRED, burr_stations, step_note
 from workbench.edge.unseen import fixed_end_check
 from workbench.errors import InputError
 from workbench.geometry.along import between, in_order
@@ -251,7 +251,8 @@ def _edge(
     direction = Quantity.of("axis_deg", measured.tilt.value(at) / DEG, {name: u / DEG for name, u in axis.items()})
     both = (("lower", measured.lower.broken.size_mm), ("upper", measured.upper.broken.size_mm))
     notes = tuple(ROUNDED.format(name, radius) for name, radius in both if radius > 0)
-    notes += tuple(check.finding for check in _lies_on(found))
+    step = np.interp(at, measured.lower.course.at_mm, measured.lower.step_mm)
+    notes += (*step_note("the end face's lower end", step, at - start), *(check.finding for check in _lies_on(found)))
     return RawEdge(
         part=cloud.part,
         source=cloud.source,

@@ -45,7 +45,7 @@ from workbench.edge.parameters import (
 )
 from workbench.edge.residual_image import OFFSETS_MM, FaceForm, FaceImage, face_image, forms
 from workbench.edge.sizes import EndTerms, corrected_angles, sizes, straightened
-from workbench.edge.steps import burr_stations, waves_u
+from workbench.edge.steps import burr_stations, step_note, waves_u
 from workbench.edge.unseen import (
     BY_BACKING,
     BY_NOMINAL,
@@ -77,10 +77,6 @@ LIES_ON = (
     "root face seems to end above it is in their uncertainty"
 )
 
-STEPPED = (
-    "the root face's end lies {:.2f} mm {} its course over {:.0f} mm of edge, about {:.0f} mm along it: returns are "
-    "lost there, a burr stands out, or the edge itself steps: look at it; what a step would cost is in u"
-)
 LEDGE = "a part of the {} stands aside by {:.2f} mm, a step or second returns: sizes are those of its line without it"
 
 
@@ -260,7 +256,9 @@ def milled_edge(
         notes += (LIES_ON,)
     faces = ("root face", root_form), ("bevel face", bevel_form)
     notes += tuple(LEDGE.format(name, one.part_offset_mm) for name, one in faces if one.part_offset_mm > OFFSETS_MM[0])
-    notes += (*_steps(measured, at), *notes_of(declared.errors))
+    course = measured.end.course
+    step = np.interp(at + measured.shift, course.at_mm, measured.said.sure_step_mm(course))
+    notes += (*step_note("the root face's end", step, at), *notes_of(declared.errors))
     return MilledEdge(
         part=cloud.part,
         source=cloud.source,
@@ -281,17 +279,6 @@ def milled_edge(
         bevel=bevel,
         warnings=notes,
     )
-
-
-def _steps(measured: Measured, at: Float) -> tuple[str, ...]:
-    """The largest step that the edge may have at arc lengths `at` (m,), where it stands out of the course."""
-    step = np.interp(at + measured.shift, measured.end.course.at_mm, measured.said.step_mm)
-    off = np.abs(step) > np.maximum(2.0 * measured.end.course.u(at + measured.shift), OFFSETS_MM[1])
-    if not off.any():
-        return ()
-    most = np.argmax(np.abs(step))
-    where = "beyond" if step[most] > 0.0 else "short of"
-    return (STEPPED.format(abs(step[most]), where, STATION_MM * off.sum(), at[most]),)
 
 
 def _forms(

@@ -47,6 +47,22 @@ FOOT_MM = 0.15  # usual width of what stands on a face, beside its end
 NEAR_MM, LEAST_BURRED = 1.2, 0.5  # of a station, whose frames have a say; of them, that show a burr
 LAGS, STRAYS = (1, 2, 3), 4.0  # frames apart; standard deviations
 
+STEP_NOTE = (
+    "{} lies {:.2f} mm {} its course over {:.0f} mm of edge, about {:.0f} mm along it: returns are lost there, a burr "
+    "stands out, or the edge itself steps: look at it; what a step would cost is in u"
+)
+TOLD_MM = 0.03  # of a step, at least
+
+
+def step_note(end: str, step_mm: Float, at: Float) -> tuple[str, ...]:
+    """The largest step (m,) that an end may have at arc lengths `at` (m,), which are evenly spaced, in words."""
+    off = np.abs(step_mm) > TOLD_MM
+    if not off.any():
+        return ()
+    most = np.argmax(np.abs(step_mm))
+    where = "beyond" if step_mm[most] > 0.0 else "short of"
+    return (STEP_NOTE.format(end, abs(step_mm[most]), where, (at[1] - at[0]) * off.sum(), at[most]),)
+
 
 class Readings(NamedTuple):
     """What the readings together say beside a course: mean and standard uncertainty at m places, mm."""
@@ -56,6 +72,10 @@ class Readings(NamedTuple):
     own: Shaped[Float, " c"]  # probability that a cell shows the face's own end
     step_mm: Shaped[Float, " m"]  # by which the edge itself may step there
     turning_u_mm: Shaped[Float, " m"]  # what of u_mm is no such step
+
+    def sure_step_mm(self, course: Course) -> Float:
+        """`step_mm` (m,) where it stands out of what the course leaves open, else 0."""
+        return np.where(np.abs(self.step_mm) > 2.0 * course.u(course.at_mm), self.step_mm, 0.0)
 
     def moved(self, course: Course) -> Course:
         """The course, whose own places these are, where they say that the face itself ends."""

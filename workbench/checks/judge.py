@@ -78,7 +78,7 @@ LEAST_VARIES_DEG, LESS_SWING, CONSTANT = 0.5, 0.6, 0.2
 COARSE_MM = 0.02  # steps of ranges that bend faces, where another check fails
 COARSE, NARROWEST_MM = 25.0, 0.5  # a view narrower than usual that is scanned in steps of fewer columns is a true one
 UNKNOWN = ": are orientations, axes or the hand-eye pose wrong?"
-SWAPPED = 0.1  # share of the columns that are unevenly spaced: sensors' pixels are even, ranges have noise
+SWAPPED = "ranges are evenly spaced, as columns are, and lateral places are not: axes x and z swapped?"
 UNMET = "no face was seen by two passes: the recording does not show how far apart these lie"
 MOST_NAMED = 3  # copies of passes that a refusal names
 SUSPICION = "; suspicion: "  # of a reading of poses, hand-eye pose or axes under which they agree
@@ -142,8 +142,8 @@ def returns_cause(x_mm: AnyArray, z_mm: AnyArray) -> str:
         return cause + "the sensor's code for no return, or ranges that saturate? make them NaN"
     if is_packed(x_mm, z_mm):
         return f"are {PACKED}?"
-    if uneven_share(z_mm) < SWAPPED < uneven_share(x_mm):
-        return "ranges are evenly spaced, as columns are, and lateral places are not: axes x and z swapped?"
+    if not check("uneven_share", _uneven(x_mm, z_mm)).passed:
+        return SWAPPED
     step = step_mm(some(z_mm))
     return f"ranges are rounded to {step:.3g} mm: export them at full resolution" if step > COARSE_MM else ""
 
@@ -327,7 +327,13 @@ def _profile_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterato
     finding = f"the profiles are {width:.4g} mm wide{_unit(width, (10.0, 500.0))}"
     narrowest = NARROWEST_MM if _columns_a_frame(recording) < COARSE else least("view_width_mm")
     yield check("view_width_mm", width, finding, given=given, default=(narrowest, most("view_width_mm")))
+    yield check("uneven_share", _uneven(recording.x_mm, recording.z_mm), SWAPPED, given=given)
     yield check("range_mm", far, f"a return is {far:.4g} mm away{_unit(far, (20.0, 2000.0))}", given=given)
+
+
+def _uneven(x_mm: AnyArray, z_mm: AnyArray) -> float | None:
+    """Share of the columns that are unevenly spaced, where ranges are even; None: they are not, as they have noise."""
+    return uneven_share(x_mm) if uneven_share(z_mm) < most("uneven_share") else None
 
 
 def _pitch_mm(recording: Recording) -> float:

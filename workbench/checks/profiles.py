@@ -247,17 +247,22 @@ def _told_slopes(surface: Float, pitch: float) -> Float:
     anywhere. Its slopes vary as much from one place to the next as over the whole profile; those of a bevel's profile
     vary 200 to 5,000 times as much.
     """
-    slope, size = _slopes(surface, pitch, SLOPE_REACHES[0])
-    apart = 2 * SLOPE_REACHES[0] + 1  # cells between which slopes share no point
+    few, many = SLOPE_REACHES
+    slope, size = _slopes(surface, pitch, few)
+    apart = 2 * few + 1  # cells between which slopes share no point
     near = (slope[:, apart:] - slope[:, :-apart]) ** 2 * size[:, apart:]
     noise = row_medians(near) / (2.0 * MEDIAN_OF_SQUARE)
-    lines = np.flatnonzero(np.isfinite(noise))
-    for reach in SLOPE_REACHES:
-        slope[lines], size = _slopes(surface[lines], pitch, reach)
-        level = row_medians(slope[lines])[:, None]
-        lines = lines[np.nanmean((slope[lines] - level) ** 2 * size, axis=1) < SHAPED * noise[lines]]
+    lines = np.flatnonzero(_varies(slope, size) < SHAPED * noise)
+    slope[lines], size = _slopes(surface[lines], pitch, many)
+    lines = lines[_varies(slope[lines], size) < SHAPED * noise[lines]]
     slope[lines] = np.where(np.isfinite(slope[lines]), row_medians(slope[lines])[:, None], np.nan)
     return slope
+
+
+def _varies(slope: Float, size: Float) -> Float:
+    """Mean square (k,) by which slopes (k, m) vary along their rows, as the variance of noise that varies them so."""
+    square = (slope - row_medians(slope)[:, None]) ** 2 * size
+    return np.asarray(np.nansum(square, axis=1) / np.maximum(np.isfinite(square).sum(axis=1), 1))
 
 
 def _slopes(surface: Float, pitch: float, reach: int) -> tuple[Float, Float]:

@@ -14,7 +14,7 @@ from workbench.robot.wrist import Side, refuse_contradiction
 from workbench.units import Float
 
 Length = Annotated[float, Field(ge=-1e5, le=1e5)]
-Size = Annotated[float, Field(gt=0, le=1e5)]
+Size = Annotated[float, Field(ge=1e-3, le=1e5)]
 Point = tuple[Length, Length, Length]
 Matrix = Annotated[list[Annotated[list[float], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)]
 Quaternion = tuple[float, float, float, float]

@@ -59,6 +59,7 @@ def frames(
         freed.step,
         np.maximum(freed.sigma, 1e-3),
         np.full(s.size, max(missing, 0.02)),
+        0.0 * s,
         freed.weight,
         freed.doubt,
     )
@@ -119,7 +120,7 @@ def test_a_long_edge_that_waves_in_step_with_the_columns_is_followed() -> None:
     step, sigma = np.full(s.size, STEP_MM), np.full(s.size, 1e-3)
     still = np.zeros(s.size, np.int64)
     freed = settled(s, low, step, sigma, still, still)
-    ends = Ends(s, freed.low, freed.step, freed.sigma, np.full(s.size, 0.02), freed.weight, 0.0 * s)
+    ends = Ends(s, freed.low, freed.step, freed.sigma, np.full(s.size, 0.02), 0.0 * s, freed.weight, 0.0 * s)
     course = found(ends).course
     off = course.value(s) - truth
     assert off.std() < 0.15 * STEP_MM  # its shape; where in the step it lies nothing shows

@@ -21,6 +21,7 @@ from workbench.errors import InputError
 from workbench.geometry.chains import FaceLines, labelled_lines
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import Curve
+from workbench.geometry.fading import faded_columns
 from workbench.geometry.grids import columns_to_next
 from workbench.geometry.sections import SectionLines, in_section, on_line, section_lines
 from workbench.units import DEG, AnyArray, Bool, Float, Int, Shaped
@@ -61,6 +62,7 @@ class Plate:
     root_a: Shaped[Float, " n"]  # a of the root face's returns; NaN where it is not seen
     spacing: Shaped[Float, " n"]  # of its returns, down
     lost: Shaped[Float, "n 2"]  # share of the last columns without return, of the face and of the root face
+    fade: Shaped[Float, " n"]  # columns over which returns become rare towards the last one
     below: Shaped[Float, "n 2"]  # from the last return of the bevel to that of the root face, inwards and down; NaN
     outwards: Shaped[Int, " n"]  # column of the innermost return, below 0 where the groove lies towards column 0
     cut: Shaped[Bool, " n"]  # whether a dark column ends what is seen: `end` or `last`, NaN then
@@ -270,6 +272,7 @@ def _plate(view: _View, sections: Sequence[SectionLines], images: Sequence[FaceI
                 for of, side in zip(columns, sides, strict=True)
             ]
         ),
+        faded_columns(z_mm, outwards[1], np.isfinite(last[:, 0]), view.cloud.pass_index),
         beneath,
         outwards[1],
         cut,

@@ -303,7 +303,7 @@ class GrooveSizes:
             found = self.joint.course("a root face", reach, slopes, one.sigma**2)
             value, u = found.value, found.u
         else:
-            value, u = self._end(reach, one.step, one.lost[:, 0], one.sigma)
+            value, u = self._end(reach, one.step, one.lost[:, 0], one.fade, one.sigma)
             if one.kind == "bevel":
                 share, (off, off_u) = SEEN_SHARE, self._beyond(k)
         joined = self._joined(one)
@@ -479,7 +479,7 @@ class GrooveSizes:
             off = low - np.polynomial.Polynomial.fit(self.s[near], low[near], degree)(self.s)
         return np.asarray(near & (near.sum() >= LEAST_SHARE * good.sum()))
 
-    def _end(self, low: Float, step: Float, lost: Float, sigma: float) -> tuple[Float, Float]:
+    def _end(self, low: Float, step: Float, lost: Float, fade: Float, sigma: float) -> tuple[Float, Float]:
         """Where returns end: value and u (k,), NaN where nothing tells it."""
         good = self._together(low, np.isfinite(low + step + self.s), typical(step), typical(step))
         if good.sum() < LEAST_FRAMES:
@@ -489,7 +489,7 @@ class GrooveSizes:
         known = lost[order][np.isfinite(lost[order])]
         share = min(max(float(known.mean()) if known.size else 0.0, LEAST_LOST), MOST_LOST)
         rough = fit_course(s, low + 0.5 * step, step**2 / 12.0 + sigma**2, self.group[order])
-        found = find_end(Ends(s, low, step, sigma * one, share * one, one, 0.0 * one), rough)
+        found = find_end(Ends(s, low, step, sigma * one, share * one, fade[order], one, 0.0 * one), rough)
         said = readings(found.s, found.middle, found.middle_u, self.at, found.course)
         value = np.where(self.joint.near(good), found.course.value(self.at) + said.shift_mm, np.nan)
         return value, np.hypot(found.course.u(self.at), said.u_mm)
@@ -521,7 +521,7 @@ class GrooveSizes:
         self.root_face_seen = True
         if one.is_covered or towards <= 0.0:
             return None
-        far, far_u = self._end(np.where(shown, drop, np.nan), one.spacing, one.lost[:, 1], one.sigma)
+        far, far_u = self._end(np.where(shown, drop, np.nan), one.spacing, one.lost[:, 1], 0.0 * one.fade, one.sigma)
         face, clear = typical(far) - deep[name], gap / towards - abs(self.misalignment)
         if not 2.0 * BELOW_MM <= face <= clear - CLEAR_MM:
             return None

@@ -394,6 +394,7 @@ def _as_ends(
         freed.step[on],
         np.maximum(freed.sigma[on], LEAST_SIGMA_MM),
         ends.missing[on],
+        ends.fade[on],
         share * freed.weight[on] * weights(upper_s[on], broken.doubt_mm[on]),
         freed.doubt[on],
     )

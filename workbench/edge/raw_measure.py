@@ -31,6 +31,7 @@ from workbench.geometry.chains import FaceLines
 from workbench.geometry.course import CHANCE, Course, fit_course, likely_processes
 from workbench.geometry.curves import Curve, along_motion, curve_through, fit_curve
 from workbench.geometry.end_face import MARGIN_MM
+from workbench.geometry.fading import faded_columns
 from workbench.geometry.grids import columns_to_next
 from workbench.geometry.moves import within
 from workbench.geometry.poses import in_planes
@@ -370,6 +371,7 @@ class _Side:
     step: Shaped[Float, " N"]  # and not beyond the next column, mm; 0 at a corner
     sigma: Shaped[Float, " N"]  # noise of low, the frame's own shift included, mm
     missing: Shaped[Float, " N"]  # probability that a column has no return
+    fade: Shaped[Float, " N"]  # columns before the end over which returns become rare
     silhouette: Shaped[Bool, " N"]  # frames of which the last return is taken
     by_corners: bool  # corners show nearly all of it
 
@@ -437,7 +439,9 @@ def _side(
         )
     where[~within(where, where[np.isfinite(where + low)], GAP_MM)] = np.nan
     low[~np.isfinite(where)] = np.nan
-    return _Side(ends, outward, where, low, steps, np.hypot(noise, vibration), missing, used, by_corners)
+    column = np.where(silhouette, ends.column, 0).astype(np.int64)
+    fade = faded_columns(cloud.z_mm, column, silhouette, cloud.pass_index)
+    return _Side(ends, outward, where, low, steps, np.hypot(noise, vibration), missing, fade, used, by_corners)
 
 
 def _bend(curve: Curve, tilt: Course, turn: float) -> Spline:
@@ -485,6 +489,7 @@ def _found_end(
         freed.step[on],
         np.maximum(freed.sigma[on], 1e-3),
         side.missing[on],
+        side.fade[on],
         freed.weight[on],
         freed.doubt[on],
     )

@@ -21,6 +21,7 @@ import numpy as np
 from workbench.geometry.along import by_pass, in_order, near
 from workbench.geometry.blocks import as_input
 from workbench.geometry.course import ALONE, BIN_MM, HIDDEN_MM, Course, fit_course
+from workbench.geometry.fading import beyond_columns, returns_share
 from workbench.geometry.medians import medians, robust_sd
 from workbench.geometry.processes import Shared
 from workbench.kernels import kernel
@@ -32,7 +33,8 @@ ALIKE = 15.0  # frames at most that count as one: returns are lost in each by it
 BLOCKS = 60  # of a pass, by whose middle columns it is told whether the end passes from column to column
 PASSED = 5.0  # odds, for each column passed, that the columns moved against a smooth end: noise to a column's step
 STRAY = 0.01  # probability that a frame's last return tells nothing about the end
-MISSES = 6  # columns of the face that may have gone without return at its end
+MISSES = 6  # columns of the face that may have gone without return at its end, beside those over which it fades
+QUARTER = 0.25  # of what a fading end hides: u of that, since it need not fade evenly
 LEAST_CELLS = 20  # of BIN_MM of edge, or parts of a short one
 GRID = 161  # places of the end about the course
 REACH_STEPS, REACH_SIGMAS = 1.5, 6.0  # half width of that grid
@@ -109,6 +111,7 @@ class Ends(NamedTuple):
     step: Shaped[Float, " n"]  # the next column lies this much further; 0: `low` is a measured corner
     sigma: Shaped[Float, " n"]  # noise of low
     missing: Shaped[Float, " n"]  # probability that a column of the face is without return
+    fade: Shaped[Float, " n"]  # columns before the end over which returns become rare; below 0.5: none do
     weight: Shaped[Float, " n"]  # what the frame counts: below 1 where neighbours share their noise
     doubt: Shaped[Float, " n"]  # probability that the end waves with `low`, rather than the columns against it
 
@@ -139,9 +142,11 @@ def find_end(
     silhouette = ends.step > 0
     sigma = float(np.median(ends.sigma)) + 1e-6
     step = float(np.median(ends.step[silhouette])) if silhouette.any() else 0.0
-    grid = np.linspace(-1.0, 1.0, GRID) * (REACH_STEPS * step + REACH_SIGMAS * sigma)
+    beyond, scatter = (of * ends.step for of in beyond_columns(ends.fade))
+    hidden = float(np.median(beyond))
+    grid = np.linspace(-1.0, 1.0, GRID) * (REACH_STEPS * step + REACH_SIGMAS * sigma + hidden)
     unseen = UNSEEN_STEPS * step, HIDDEN_MM
-    course, prior = first, np.full(place.size, math.hypot(step, 4.0 * sigma))
+    course, prior = first, np.full(place.size, math.hypot(step + hidden, 4.0 * sigma))
     about = course.value(place)
     said = np.bincount(cell, ends.sigma**2 + ends.step**2 / 12.0) / count**2 * first.noise_factor
     precision, weighted = np.zeros((2, place.size))  # of the sites together: 1/mm^2, and that times their values
@@ -168,10 +173,12 @@ def find_end(
     first_of = np.searchsorted(cell, np.arange(place.size))  # frames are in order
     most = np.maximum.reduceat(ends.weight, first_of)
     counts = ends.weight > 0.5 * most[cell]  # a pass that does not see the end says nothing of where it is
-    ends, cell = Ends(*(of[counts] for of in ends)), cell[counts]
-    middle = medians(ends.low + 0.5 * ends.step, np.searchsorted(cell, np.arange(place.size + 1)))
-    middle_u = np.sqrt((np.bincount(cell, ends.step) / np.bincount(cell)) ** 2 / 12.0 + sigma**2)
-    course = _doubted(course, place, ends, cell)
+    ends, cell, beyond, scatter = Ends(*(of[counts] for of in ends)), cell[counts], beyond[counts], scatter[counts]
+    count = np.bincount(cell)
+    middle = medians(ends.low + 0.5 * ends.step + beyond, np.searchsorted(cell, np.arange(place.size + 1)))
+    by_columns = (np.bincount(cell, ends.step) / count) ** 2 / 12.0
+    middle_u = np.sqrt(by_columns + np.bincount(cell, scatter**2) / count**2 + sigma**2)
+    course = _doubted(course, place, ends, cell, beyond)
     return EndCourse(course, place, middle, middle_u)
 
 
@@ -195,14 +202,19 @@ def reached_mm(s: Float, low: Float, step: Float, sigma: Float, course: Course, 
     return out
 
 
-def _doubted(course: Course, place: Float, ends: Ends, cell: Int) -> Course:
-    """The course with what its reading leaves open: the end may lie in the middle of each cell's column step."""
+def _doubted(course: Course, place: Float, ends: Ends, cell: Int, beyond: Float) -> Course:
+    """The course with what its reading leaves open: the end may lie in the middle of each cell's column step.
+
+    beyond (n,): mm of the face by which a fading end lies beyond a frame's last return.
+    """
     count = np.bincount(cell)
-    apart = np.bincount(cell, ends.low + 0.5 * ends.step) / count - course.value(place)
+    apart = np.bincount(cell, ends.low + 0.5 * ends.step + beyond) / count - course.value(place)
     other = apart**2 + np.bincount(cell, ends.step**2) / count / 12.0
     doubt = np.interp(course.at_mm, place, np.bincount(cell, ends.doubt) / count)
     more = doubt * (np.interp(course.at_mm, place, other) - course.variance)
-    return replace(course, variance=course.variance + np.maximum(more, 0.0))
+    hidden = np.bincount(cell, beyond) / count
+    faded = (QUARTER * np.interp(course.at_mm, place, hidden)) ** 2
+    return replace(course, variance=course.variance + np.maximum(more, 0.0) + faded)
 
 
 def _sites(logs: Float, grid: Float, prior: Float) -> tuple[Float, Float]:
@@ -277,7 +289,7 @@ def _add_up(cell: Int, ends: Ends, normal: Float, grid: Float, out: Float) -> No
                 z = (low[i] - grid[g]) / s
                 chance[g] = math.exp(-0.5 * z * z)
         else:
-            _pass_columns(low[i], step[i], s, ends.missing[i], normal, grid, chance)
+            _pass_columns(low[i], step[i], s, ends.missing[i], ends.fade[i], normal, grid, chance)
         at_last, log_at_last = -1.0, 0.0
         for g in range(grid.size):
             if chance[g] != at_last:
@@ -287,17 +299,22 @@ def _add_up(cell: Int, ends: Ends, normal: Float, grid: Float, out: Float) -> No
 
 
 @kernel(error_model="numpy")
-def _pass_columns(low: float, step: float, s: float, missing: float, normal: Float, grid: Float, chance: Float) -> None:
+def _pass_columns(
+    low: float, step: float, s: float, missing: float, fade: float, normal: Float, grid: Float, chance: Float
+) -> None:
     """Fill in the chance, for an end at each place of the grid, of a last return at `low`, by the columns passed.
 
-    The last return is the one before the end, or one of MISSES - 1 before that: from column to column the share of
-    frames is taken off that the end has not passed, but for noise, and the share beyond it added.
+    The last return is the one before the end, or one of those before that, MISSES or where it fades more in all: from
+    column to column the share of frames is taken off that the end has not passed, but for noise, and the share beyond
+    it added.
     """
-    apart, per_s, share = grid[1] - grid[0], 1.0 / (s * FAR_SIGMAS), 0.0
+    apart, per_s, share, left = grid[1] - grid[0], 1.0 / (s * FAR_SIGMAS), 0.0, 1.0
+    columns = MISSES + math.ceil(fade)
     for g in range(grid.size):
         chance[g] = 0.0
-    for k in range(MISSES + 1):
-        before, share = share, (1.0 - missing) * missing**k if k < MISSES else 0.0
+    for k in range(columns + 1):
+        before, share = share, left * (1.0 - missing) * returns_share(k, fade) if k < columns else 0.0
+        left -= share
         column = low + k * step
         first = min(max(math.ceil((column - FAR_SIGMAS * s - grid[0]) / apart), 0), grid.size)
         last = min(max(math.ceil((column + FAR_SIGMAS * s - grid[0]) / apart), first), grid.size)

@@ -77,3 +77,13 @@ def test_an_orientation_that_hangs_in_a_part_of_a_pass_is_refused(name: str, sha
     """Answered, 9 u off, before."""
     with pytest.raises(InputError, match="and the next one jumps: a frozen stream"):
         fuse(frozen_stream(share, turns=True)(sound(name), RNG))
+
+
+@pytest.mark.parametrize("step_mm", [0.001, 0.005])
+def test_a_fan_of_rays_may_round_x_and_stand_off_anew(step_mm: float) -> None:
+    """Refused as scaled by 2 %: from frame to frame ranges change by no more than x is rounded to."""
+    scan = sound("milled_two_pass")
+    z = scan.z_mm + 4.0 * (scan.pass_index > scan.pass_index[0])[:, None]
+    x = np.round(scan.x_mm * z / np.nanmedian(z) / step_mm) * step_mm
+    found = {check.name: check for check in judge_recording(with_grid(scan, x, z))}
+    assert found["one_sensor"].passed

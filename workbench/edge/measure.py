@@ -137,7 +137,8 @@ def _few(s: Float, pass_index: Int) -> slice:
     steps = np.abs(np.diff(s))[np.diff(pass_index) == 0]
     usual = float(np.median(steps[steps > 0.0])) if np.isfinite(steps).any() else BIN_MM
     width = min(BIN_MM, float(np.nanmax(s) - np.nanmin(s)) / LEAST_BINS)
-    step = max(1, int(width / START_FRAMES / max(usual, 1e-6)) - 1) // 2 * 2 + 1
+    most = s.size // (LEAST_BINS * START_FRAMES)  # frames that are stamped in bursts lie anywhere
+    step = max(1, min(int(width / START_FRAMES / max(usual, 1e-6)), most) - 1) // 2 * 2 + 1
     return slice((s.size - 1) * (step + 1) // 2 % step, None, step)
 
 

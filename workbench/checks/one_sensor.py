@@ -17,9 +17,9 @@ def lateral_step(x_mm: AnyArray, z_mm: AnyArray) -> tuple[float, int]:
     """The greatest change of the scale of x from frame to frame of a grid (N, M), if it is a single one, and its frame.
 
     Column j of a triangulating profiler measures along a ray: x = a_j + b_j z, b = 0 where it is rectified. b is the
-    median over pairs of frames that lie apart, which no run of others moves. -2: x changes its sign; 0: all are alike. A window
-    that follows the part shifts x by more than it scales it; where one frame in ten changes its scale, as of resampled
-    places, none is another.
+    median over pairs of frames that lie apart, which no run of others moves. -2: x changes its sign; 0: all are alike.
+    A window that follows the part shifts x by more than it scales it; where one frame in ten changes its scale, as of
+    resampled places, none is another.
     """
     x, z = (some(some(grid, FRAMES).T, COLUMNS).astype(np.float64) for grid in (x_mm, z_mm))
     x[np.isnan(z)] = np.nan

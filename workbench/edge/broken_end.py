@@ -72,6 +72,7 @@ NEGLIGIBLE = 2e-4  # share of pixels that the finer templates are not seen by
 # are worn; and columns beside a corner.
 CUT_SPREAD, CUT_U, WORN, AROUND = 0.7, 0.015, 0.03, 8.0
 PROOF = 4.5  # log-likelihood over a sharp end from which a break is told by name
+NOT_SHARP = "the edge was declared sharp, and its last returns show that it is not: the declaration was not used"
 ALIKE_RAD = 10.0 * DEG  # views that differ by so much hide other parts of a break
 ALIKE_MM, CELL_MM = 0.003, 4.0  # views of passes that differ by less count alike; of edge, in which they share places
 DARK_COLUMNS, SELDOM = np.arange(4, 24), 0.1  # beyond a face's end; share of them that return where no surface does
@@ -228,6 +229,12 @@ def _by_cells(cell: Int, values: Float, count: int) -> Float:
     return medians(values[order], np.searchsorted(cell[order], np.arange(count + 1)))
 
 
+def not_sharp(condition: EdgeCondition, *ends: BrokenEnd) -> tuple[str, ...]:
+    """The warning that ends are broken which were declared sharp."""
+    size_mm = max(end.size_mm for end in ends)
+    return (NOT_SHARP,) if condition == "sharp" and size_mm > PRIORS["sharp"].most_mm else ()
+
+
 def broken_end(
     cloud: Cloud,
     rim: FaceRim,
@@ -237,7 +244,8 @@ def broken_end(
 ) -> BrokenEnd:
     """The lower end of a face in the frames `here` (N,), by the depths of its last returns in all passes.
 
-    And by its corner with the lower surface, where other frames show both.
+    And by its corner with the lower surface, where other frames show both. A declared sharp end that the returns
+    contradict counts as an unknown one.
 
     Source: eq. (12) and (12a) of docs/method.md for the templates; averaged over them as Hoeting et al., Bayesian model
     averaging, Statistical Science 14 (1999), 382.
@@ -250,6 +258,11 @@ def broken_end(
     prior = PRIORS[condition]
     templates = end_templates(prior)
     seen, likelihood, share = _posterior(views, templates, corner)
+    if condition == "sharp" and seen:
+        anything = end_templates(PRIORS["unknown"])
+        other = _posterior(views, anything, corner)[1] + anything.log_prior
+        if np.logaddexp.reduce(other) - np.logaddexp.reduce(likelihood + templates.log_prior) > PROOF:
+            return broken_end(cloud, rim, here, "unknown", corner)  # the returns contradict what was declared
     if seen:
         templates = templates.finer(
             share.sum(axis=1) > UNLIKELY, math.log(prior.most_mm / prior.least_mm) / (SIZES - 1)

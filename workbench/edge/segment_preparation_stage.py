@@ -25,7 +25,7 @@ from workbench.checks.faces import bows_check, corners_checks, plates_check, req
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check, judged_by
 from workbench.checks.profiles import in_order
-from workbench.edge.broken_end import broken_end, is_free_end, root_rim
+from workbench.edge.broken_end import broken_end, is_free_end, not_sharp, root_rim
 from workbench.edge.column_errors import declared_linearity, without_column_errors
 from workbench.edge.directions import near_slope, wrapped
 from workbench.edge.end_templates import EdgeCondition
@@ -163,7 +163,7 @@ def segment_preparation(
         base_from_profiler=cloud.base_from_profiler,
         pass_index=cloud.pass_index,
         part=cloud.part,
-        warnings=edge.warnings,
+        warnings=(*not_sharp(edge_condition, rounding), *edge.warnings),
         checks=(*cloud.checks, *checks, ends),
         unseen=by_window(ends),
     )

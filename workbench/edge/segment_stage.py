@@ -21,7 +21,7 @@ from workbench.checks.limits import judged_by
 from workbench.checks.residuals import FaceAlong, late_of
 from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import end_step_check
-from workbench.edge.broken_end import BrokenEnd, broken_end, is_free_end, root_rim, together_along, weights
+from workbench.edge.broken_end import BrokenEnd, broken_end, is_free_end, not_sharp, root_rim, together_along, weights
 from workbench.edge.certified import certified, certified_linearity
 from workbench.edge.column_errors import ColumnErrors, Linearity, declared_linearity, notes_of, without_column_errors
 from workbench.edge.end_templates import EdgeCondition
@@ -160,6 +160,7 @@ def segment(
     doubts += unseen_of(cloud, tracked, edge, is_sharp=edge_condition == "sharp")
     unseen = by_thickness(cloud, tracked, edge, doubts, thickness_mm)
     edge = replace(edge, unseen=unseen, checks=(*edge.checks, ends))
+    edge = replace(edge, warnings=(*not_sharp(edge_condition, rounding), *edge.warnings))
     return certified(edge, sensor_dcc, thermometer_dcc, temperature_c)
 
 

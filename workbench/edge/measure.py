@@ -18,7 +18,7 @@ from workbench.edge.directions import near_slope, wrapped
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.frame_ends import FaceCorner, RootEnds, root_ends
 from workbench.edge.raw_direction import LEAST_FRAMES, LEAST_LENGTH_MM
-from workbench.edge.steps import Readings, own_directions, readings
+from workbench.edge.steps import Readings, own_directions, readings, slow_waves_u
 from workbench.errors import InputError
 from workbench.geometry.along import between, by_pass, in_order
 from workbench.geometry.course import BIN_MM, LEAST_BINS, Course, fit_course
@@ -54,6 +54,7 @@ class Faces:
     root_course: Course  # direction of the root face, rad
     bevel_course: Course  # direction of the bevel face, rad
     opening_course: Course  # angle between both, rad, as each frame shows it
+    waves_u: float  # of both directions, that the courses do not follow, rad
     own: Shaped[Bool, " N"]  # frames that show the root face's own direction: no burr turns its line
     follows: float  # how likely it is that the angle between the faces runs smoothly, rather than the root face alone
 
@@ -244,7 +245,10 @@ def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, tur
     root_course = fit_course(s_root, root_angle, variance, group, shared=ROUGH)
     opening_course = fit_course(s_root, root_angle - bevel_course.value(s_root), variance, group, shared=ROUGH)
     follows = 1.0 / (1.0 + math.exp(np.clip(root_course.log_evidence - opening_course.log_evidence, -50.0, 50.0)))
-    return Faces(root, bevel, turns, root_course, bevel_course, opening_course, own, follows)
+    root_left = np.where(own[of], root_angle - root_course.value(np.nan_to_num(s_root)), np.nan)
+    bevel_left = bevel_angle[of] - bevel_course.value(np.nan_to_num(bevel.s[of]))
+    waves = math.hypot(slow_waves_u(s_root, root_left, group), slow_waves_u(bevel.s[of], bevel_left, group))
+    return Faces(root, bevel, turns, root_course, bevel_course, opening_course, waves, own, follows)
 
 
 def _state(

@@ -63,7 +63,7 @@ def sizes(
     }
     unseen_mm = np.hypot(end.broken_u_mm, end.hidden_u_mm)
     angle = {
-        DIRECTIONS: np.hypot(angle_u, drift_u),
+        DIRECTIONS: np.sqrt(angle_u**2 + drift_u**2 + measured.faces.waves_u**2),
         TANGENT: tangent_u * leverage,
         FORM: np.sqrt(root_form.turn_u**2 + bevel_form.turn_u**2 + (root_form.bowed * unseen_mm) ** 2),
     }

@@ -46,6 +46,7 @@ NIL = -25.0  # logarithm of a share that counts no more
 FOOT_MM = 0.15  # usual width of what stands on a face, beside its end
 NEAR_MM, LEAST_BURRED = 1.2, 0.5  # of a station, whose frames have a say; of them, that show a burr
 LAGS, STRAYS = (1, 2, 3), 4.0  # frames apart; standard deviations
+AVERAGED_MM = 1.0  # of edge, beyond which waves of a face's direction are its own: texture is shorter
 
 STEP_NOTE = (
     "{} lies {:.2f} mm {} its course over {:.0f} mm of edge, about {:.0f} mm along it: returns are lost there, a burr "
@@ -391,6 +392,15 @@ def burr_stations(s: Float, at: Float, *burred: Bool) -> Int:
     shown = np.stack([np.append(0, np.cumsum(one[order])) for one in burred])
     shown = (shown[:, last] - shown[:, first]).max(axis=0)
     return np.flatnonzero((shown > 1) & (shown >= LEAST_BURRED * (last - first)))
+
+
+def slow_waves_u(s: Float, left: Float, pass_index: Int) -> float:
+    """As `waves_u`, of the means over AVERAGED_MM: what fewer frames share is averaged out along the edge."""
+    on = np.isfinite(s + left)
+    cell = np.unique(np.stack([pass_index[on], stretches(s[on], AVERAGED_MM)]), axis=1, return_inverse=True)[1].ravel()
+    count = np.bincount(cell)
+    place, mean, group = (np.bincount(cell, of[on]) / count for of in (s, left, pass_index))
+    return waves_u(place, mean, group.astype(np.int64), 0.0)
 
 
 def waves_u(s: Float, left: Float, pass_index: Int, floor: float) -> float:

@@ -25,8 +25,11 @@ UNSEEN = (
 )  # what no recording of a straight edge shows
 
 
+SCALE = 1e-3  # of x against z; data sheets of laser profilers tell a few parts in a thousand of the range
+CUT_AWAY_MM = 0.1  # of a face's end, that returns nothing or is not there
 COSTS = {"root_mm": ("root face", " mm"), "bevel_deg": ("bevel angle", "°")}
-COSTS |= {"gap_mm": ("gap", " mm"), "depth_mm": ("depth", " mm")}
+COSTS |= {"gap_mm": ("gap", " mm"), "depth_mm": ("depth", " mm"), "width_mm": ("width", " mm")}
+COSTS |= {"included_deg": ("included angle", "°")}
 
 
 @dataclass(frozen=True, slots=True)

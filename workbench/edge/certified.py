@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from workbench.artefacts import MilledEdge, Quantity, Term
+from workbench.artefacts.evidence import SCALE
 from workbench.certificate import (
     ERRORS,
     LENGTHS,
@@ -18,7 +19,6 @@ from workbench.certificate import (
     names_of,
 )
 from workbench.edge.column_errors import Linearity
-from workbench.edge.unseen import SCALE
 from workbench.errors import InputError
 from workbench.units import AnyArray
 

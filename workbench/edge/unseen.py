@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, UPPER_SURFACE, Check, Cloud, MilledEdge, Quantity, Unseen
+from workbench.artefacts.evidence import CUT_AWAY_MM, SCALE
 from workbench.checks.judge import TURNS_DEG
 from workbench.checks.residuals import UNSEEN_S
 from workbench.checks.window import PINNED
@@ -19,9 +20,7 @@ from workbench.geometry.silhouette import MISSES
 from workbench.units import COVERAGE, DEG, AnyArray, Bool, Float, Int, Shaped
 
 TURN_DEG = 1.0  # of a hand-eye pose by design, or measured by hand
-SCALE = 1e-3  # of x against z; data sheets of laser profilers tell a few parts in a thousand of the range
 LAYER_MM = 0.05  # a coat of shop primer
-CUT_AWAY_MM = 0.1
 PASSED_COLUMNS = 2.0  # by which an end moves more than others, at least, for the column that it stays in to cut it off
 IN_QUARTILES = 2.44  # nine tenths of normal values, over its middle half
 NEXT_COLUMNS = 2  # within these of its last return, something behind the face leaves no stripe of it unseen

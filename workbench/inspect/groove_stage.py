@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Any, Literal
@@ -15,15 +16,17 @@ from workbench.artefacts import (
     GrooveInspection,
     Preparation,
     PreparationInspection,
+    Quantity,
     Section,
     Unseen,
 )
 from workbench.artefacts.edges import MOST_OFF, PREPARATION_TERMS, TERMS, Joint, RecognisedInspection, named
+from workbench.artefacts.evidence import CUT_AWAY_MM, SCALE
 from workbench.errors import InputError, nearest
 from workbench.inspect.section import section_at
 from workbench.inspect.verdict import NOTHING_REQUIRED, of_a_joint, of_the_part
 from workbench.stage import stage
-from workbench.units import Float
+from workbench.units import DEG, Float
 
 LEFT_OUT = (
     Unseen(
@@ -180,11 +183,31 @@ def _judged(
         "verdict": verdict,
         "reason": reason,
         "conditions": left,
-        "uncertainty": of_a_joint(joint.part, *(one for one in joint.unseen if not one.is_doubt), *left_out),
+        "uncertainty": of_a_joint(
+            joint.part,
+            *(one for one in joint.unseen if not one.is_doubt),
+            *_unseen(joint.sizes),
+            *left_out,
+        ),
         "part": joint.part,
         "warnings": (*joint.warnings, *notes),
         "checks": joint.checks,
     }
+
+
+def _unseen(sizes: Mapping[str, Quantity]) -> tuple[Unseen, ...]:
+    """What its recording does not show of the sensor's scale, and of ends of bevels that return nothing."""
+    about = {name: abs(float(np.nanmedian(one.value))) for name, one in sizes.items() if np.isfinite(one.value).any()}
+    cost: dict[str, float] = {name: SCALE * about[name] for name in ("gap_mm", "depth_mm", "width_mm") if name in about}
+    if "included_deg" in about:
+        cost["included_deg"] = SCALE * math.sin(about["included_deg"] * DEG) / DEG
+    bevels = [about[name] * DEG for name in ("bevel_left_deg", "bevel_right_deg") if name in about]
+    found = (Unseen("scale", f"An error of {100 * SCALE:g} % of the profiler's scale.", cost),)
+    if not bevels or "gap_mm" not in about:
+        return found
+    lost = {"gap_mm": sum(map(math.sin, bevels)), "depth_mm": max(map(math.cos, bevels))}
+    sentence = f"All along a root, {CUT_AWAY_MM:g} mm of the bevel that return nothing, or a burr in its plane."
+    return (*found, Unseen("lost_columns", sentence, {name: CUT_AWAY_MM * one for name, one in lost.items()}))
 
 
 @stage("inspect.groove_gate")

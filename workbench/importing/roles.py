@@ -155,7 +155,7 @@ def _changing_with(form: Form, roles: dict[str, Named]) -> Named | None:
     used = {one.column for one in roles.values()}
     for name in form.header:
         values = form.rows[:, form.header.index(name)]
-        if name not in used and _whole(values) and ((np.diff(values) > 0) == changes).all():
+        if name and name not in used and _whole(values) and ((np.diff(values) > 0) == changes).all():
             return Named(name, "")
     return None
 

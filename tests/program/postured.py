@@ -52,6 +52,12 @@ def cell_of(robot: str, folder: Path, tool: str | None = None, place: str | None
     return read_cell(file)
 
 
+def as_workpiece(fixture: str, cell: Cell) -> Cell:
+    """The cell with a fixture, which stands still, as what is milled."""
+    shapes = (replace(one, body="workpiece") if one.body == fixture else one for one in cell.shapes)
+    return replace(cell, shapes=tuple(shapes))
+
+
 def postured(cell: Cell, robot: str, shape: Shape, turned: float = 0.0) -> Moves:
     """A path laid into the robot's reach, with the posture of each of its points; `turned`: by the turntable, rad."""
     middle = np.array(ROBOTS[robot][1]) * np.pi / 180

@@ -19,7 +19,7 @@ from . import languages
 from .conftest import passed
 from .languages import from_text, text
 from .paths import Shape
-from .postured import CUTTER, ROBOTS, cell_of, postured
+from .postured import CUTTER, ROBOTS, as_workpiece, cell_of, postured
 
 HOME = (0.0, 0.0, 10.0, 10.0, 45.0, 0.0)
 FULL: dict[str, Any] = {
@@ -96,10 +96,10 @@ def test_the_way_home_is_looked_at(tmp_path: Path, layers: Moves, cell: Cell) ->
     }
     tree = {
         "tool": {"flange_from_cutter": CUTTER, "shapes": [shape]},
-        "fixtures": [{"name": "workpiece", "pose": {"position_mm": tip.tolist()}, "box_mm": [30, 30, 30]}],
+        "fixtures": [{"name": "block", "pose": {"position_mm": tip.tolist()}, "box_mm": [30, 30, 30]}],
         "may_touch": [["cutter", "workpiece"]],
     }
-    assert "cutter" in refused(layers, cell_with(tmp_path, FULL, **tree))
+    assert "cutter" in refused(layers, as_workpiece("block", cell_with(tmp_path, FULL, **tree)))
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ from workbench.robot import (
 from .conftest import passed
 from .languages import back
 from .paths import Shape
-from .postured import cell_of, postured
+from .postured import as_workpiece, cell_of, postured
 
 ROBOT = "gp25"  # its postures lie 5 mm apart on travels too, as the optimiser's
 ACCELERATIONS = np.radians([90.0, 90, 90, 180, 180, 240])
@@ -160,14 +160,14 @@ def plated(moves: Moves, tmp_path_factory: pytest.TempPathFactory) -> tuple[Cell
     """A block where the path's middle is, which the cutter may mill; its path and program."""
     points = moves.postures
     tip = points.position_mm[len(points.layer) // 2]
-    block = {"name": "workpiece", "pose": {"position_mm": tip.tolist()}, "box_mm": [20, 20, 20]}
+    block = {"name": "block", "pose": {"position_mm": tip.tolist()}, "box_mm": [20, 20, 20]}
     folder = tmp_path_factory.mktemp("plated")
     cell_of(ROBOT, folder)
     file = folder / f"{ROBOT}.json"
     tree = json.loads(file.read_text())
     tree["tool"]["shapes"] = [CUTTER_SHAPE]
     file.write_text(json.dumps(tree | {"fixtures": [block], "may_touch": [["cutter", "workpiece"]]}))
-    cell = replace(read_cell(file), accelerations=ACCELERATIONS)
+    cell = replace(as_workpiece("block", read_cell(file)), accelerations=ACCELERATIONS)
     own = postured(cell, ROBOT, BEND)
     judgement = written(own, cell)[1]
     assert judgement.passed, judgement.violations

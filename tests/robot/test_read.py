@@ -102,6 +102,10 @@ REFUSED: list[tuple[str, Any, str]] = [
     ("turntable.limits_deg", [-3.14159, 3.14159], "$.turntable.limits_deg"),
     ("turntable.shapes.0.cylinder_mm", [0.5, 0.1], "$.turntable.shapes[0]"),
     ("fixtures.+", SMALL, "$.fixtures[1]: expected a body of mm"),
+    *(
+        ("fixtures.+", SMALL | {"name": name}, f"$.fixtures[1].name: expected another name than '{name}'")
+        for name in ("workpiece", "tool", "cutter", "turntable", "tilt", "envelope", "link_3", "floor")
+    ),
     ("fixtures.+", {"name": "c", "box_mm": [40, 40, 9], "pose": at(2, 0.1, 0.6)}, "$.fixtures[1].pose"),
     ("fixtures.+", {"name": "clamp", "mesh": "metres.stl"}, "$.fixtures[1].mesh: expected millimetres"),
     ("work_object.pose", at(2, 0, 0.5), "$.work_object.pose"),

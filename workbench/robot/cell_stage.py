@@ -39,7 +39,7 @@ from workbench.robot.cell_model import (
     read_mesh,
     spindle_warning,
 )
-from workbench.robot.collision import CollisionModel, left_out
+from workbench.robot.collision import CUTS, CollisionModel, left_out
 from workbench.robot.judge import JudgedCell
 from workbench.robot.kinematics import Chain
 from workbench.robot.plate_stage import check_size, read_workpiece, scanned
@@ -70,6 +70,8 @@ LEFT_OPEN = {  # by what the file does not state, or states as 0: what nothing c
     "($.turntable.tilt.acceleration_deg_s2)",
     "track.acceleration_mm_s2": "acceleration of the track: the cell file states none ($.track.acceleration_mm_s2)",
 }
+OWN = ("tool", "cutter", "workpiece", "turntable", "tilt", "envelope")  # bodies that `may_touch` means by these names
+TAKEN = "another body of the cell has it, and $.may_touch would mean both"
 WALL_MM = 2000.0  # thickness of the envelope's walls: what is beyond is within them
 
 
@@ -115,6 +117,7 @@ def read_cell(path: Path) -> Cell:
         for i, shape in enumerate(part.tool.shapes)
     ]
     shapes = (*links, *tool, *_around(part, external, path))
+    _check_names(part, {shape.body for shape in links}, path)
     known = {shape.body for shape in shapes} | {"tool", "cutter", "workpiece"}  # a scan may become the workpiece
     for name in (name for pair in part.may_touch for name in pair):
         if name not in known:
@@ -172,6 +175,17 @@ def _odd(part: CellPart, cell: Cell) -> Iterator[str]:
         off = [((room.lowest_mm > at) | (at > room.highest_mm)).any() for at in (frame[:3, 3], inverse(frame)[:3, 3])]
         if off == [True, False]:
             yield "the work object's place: outside $.envelope, and inside by the inverse of $.work_object.pose"
+
+
+def _check_names(part: CellPart, links: set[str], path: Path) -> None:
+    """Refuse two bodies of one name: what `may_touch` allows one of them, it would allow the other unseen."""
+    for name in sorted(links & CUTS):
+        raise InputError(f"{path}: $.robot.urdf", f"expected another name of the link '{name}': {TAKEN}")
+    taken = links | set(OWN)
+    for i, fixture in enumerate(part.fixtures):
+        if fixture.name in taken:
+            raise InputError(f"{path}: $.fixtures[{i}].name", f"expected another name than '{fixture.name}': {TAKEN}")
+        taken.add(fixture.name)
 
 
 def _check_turntable(cell: Cell, path: Path) -> None:

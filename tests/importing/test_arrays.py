@@ -13,6 +13,7 @@ import pytest
 from tests.importing.test_draft import drafted
 from workbench.artefacts import Recording
 from workbench.cli import main
+from workbench.errors import InputError
 
 N, M = 25, 40
 WAY_MM = np.linspace(0.0, 48.0, N)
@@ -46,6 +47,12 @@ def test_arrays_that_do_not_fit_are_refused_by_name(arrays: Any, words: str, tmp
     assert main(["import", *arguments]) == 2
     assert words in capsys.readouterr().err
     assert not (tmp_path / "a.h5").exists()
+
+
+def test_an_array_stands_for_one_thing(tmp_path: Path, imported: Any, mapped: Any) -> None:
+    np.savez(tmp_path / "a.npz", **SCAN)
+    with pytest.raises(InputError, match="for 'x' and 'z', the mapping names one for both"):
+        imported(tmp_path / "a.npz", mapping=mapped(arrays={"x": "z"}))
 
 
 @pytest.mark.parametrize("source", ["travel", "rate"])

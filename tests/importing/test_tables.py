@@ -109,6 +109,18 @@ def test_bad_tables(case: str, tmp_path: Path, imported: Import, mapped: Mapped)
         imported(tmp_path / "scan.csv", mapping=mapped(profiles=part(), **AXIS, **PITCH))
 
 
+@pytest.mark.parametrize("columns", [{"x": "x", "z": "x"}, {"x": "x", "z": 0}, {"x": "x", "z": "z", "intensity": "z"}])
+def test_a_column_stands_for_one_thing(columns: Any, tmp_path: Path, imported: Import, mapped: Mapped) -> None:
+    (tmp_path / "scan.csv").write_text("x,z\n" + "\n\n".join("\n".join(frame) for frame in points()))
+    with pytest.raises(InputError, match="the mapping names one for both"):
+        imported(tmp_path / "scan.csv", mapping=mapped(profiles=part(files="*.csv", columns=columns), **AXIS, **PITCH))
+
+
+def test_a_position_has_three_columns(milled: Recording, shop: Callable[..., Recording]) -> None:
+    with pytest.raises(InputError, match="'position 0' and 'position 1', the mapping names one for both"):
+        shop(milled, milled, poses={"position": ["X", "X", "Z"]})
+
+
 def test_names_are_suggested_where_the_mapping_claims_the_file(
     tmp_path: Path, imported: Import, mapped: Mapped
 ) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from workbench.errors import InputError, nearest
 from workbench.geometry.poses import is_rigid, quaternion_from_rotation
 from workbench.importing.mapping import Mapping
-from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, ArraysPart
+from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, ArraysPart, named_twice
 from workbench.importing.neutral import Imported, PoseStream, ProfileFrames, bounded, without
 from workbench.scan.checks import normalised
 from workbench.units import AnyArray, Float
@@ -71,6 +71,8 @@ def by_role(path: Path, part: ArraysPart) -> tuple[dict[str, str], dict[str, Any
     if wrong is not None:
         raise InputError(f"{path}: {wrong!r}", f"no such array{nearest(wrong, named)}")
     found = {role: asked.get(role, role) for role in ROLES if role in asked or role in named}
+    if twice := named_twice(found):
+        raise InputError(str(path), twice)
     if not {"z", *POSES} & set(found):
         shown = ", ".join(f"{name} {value.shape}" for name, value in list(named.items())[:8]) or "no array of numbers"
         what = f"expected arrays x and z, or poses; found {shown} (name them: 'arrays' in the mapping)"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -77,6 +78,19 @@ class TextPart(FilesPart):
     def wanted(self) -> dict[str, Column]:
         """The columns by role; of a table without, a row is a frame of ranges."""
         return {}
+
+
+# They tell rows apart, and may be read off a column that stands for something else too.
+MARKS = ("frame", "index", "valid", "scan_pass", "number", "pose_time")
+
+
+def named_twice(found: Mapping[str, object]) -> str:
+    """What to say where two roles, none of them a mark, have one column or array; '' where none do."""
+    taken: dict[object, str] = {}
+    for role, what in found.items():
+        if role not in MARKS and taken.setdefault(what, role) != role:
+            return f"expected two columns or arrays for '{taken[what]}' and '{role}', the mapping names one for both"
+    return ""
 
 
 class TimedPart(TextPart):

@@ -22,7 +22,7 @@ import numpy as np
 from workbench.errors import InputError, nearest
 from workbench.extras import Extra
 from workbench.geometry.poses import USUAL_ANGLE_UNIT
-from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, UNITS, TextPart, TimeUnit
+from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, UNITS, TextPart, TimeUnit, named_twice
 from workbench.storage import regular_file
 from workbench.units import Bool, Float, Int, Shaped
 
@@ -455,6 +455,8 @@ def _places(part: TextPart, header: list[str], count: int, where: str, otherwise
             wrong.append(f"column {column!r}: no such column{nearest(column, [name for name in header if name])}")
     if wrong:
         raise InputError(where, otherwise() or "; ".join(dict.fromkeys(wrong)))
+    if twice := named_twice(places):
+        raise InputError(where, twice)
     return places or {str(k): k for k in range(count)}
 
 

@@ -125,7 +125,12 @@ def test_neither_folders_nor_the_recipe_are_overwritten(tmp_path):
     recipe = tmp_path / "part.truth.json"
     recipe.write_text(json.dumps(DOCUMENT))
     (tmp_path / "folder.h5").mkdir()
-    for out, match in (("part.truth.json", "overwrite"), ("part.h5", "overwrite"), ("folder.h5", "folder")):
+    for out, match in (
+        ("part.truth.json", "ending in .h5"),
+        ("values.csv", "ending in .h5"),
+        ("part.h5", "overwrite"),
+        ("folder.h5", "folder"),
+    ):
         with pytest.raises(OutputError, match=match):
             simulate_file(recipe, tmp_path / out)
     assert json.loads(recipe.read_text()) == DOCUMENT

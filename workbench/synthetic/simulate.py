@@ -64,11 +64,13 @@ def simulate_file(recipe_path: str | Path, out_path: str | Path, progress: Progr
     """Write the recording of the recipe at `recipe_path` to `out_path`, its truth to `<out_path>.truth.json`.
 
     Both files appear whole or not at all. `progress` is told frames done and frames in all.
-    InputError: the recipe is unusable. OutputError: the files cannot be written.
+    InputError: the recipe is unusable. OutputError: `out_path` does not end in .h5, the files cannot be written.
     """
+    if Path(out_path).suffix != ".h5":
+        raise OutputError(str(out_path), "expected the name of a recording to write, ending in .h5")
     recipe = read_any_recipe(recipe_path)
     if Path(recipe_path).resolve() in (Path(out_path).resolve(), truth_path(out_path).resolve()):
-        raise OutputError(str(out_path), "a name that does not overwrite the recipe")
+        raise OutputError(str(out_path), "expected a name that does not overwrite the recipe")
     return write_simulation(recipe, out_path, progress)
 
 
@@ -99,7 +101,7 @@ def _written(write: Callable[[Path], T], out_path: str | Path) -> T:
     partial = [partial_path(path) for path in (recording, truth_file)]
     for path in (recording, truth_file):
         if path.is_dir():
-            raise OutputError(str(path), "a file to write, but this is a folder")
+            raise OutputError(str(path), "expected a file to write, this is a folder")
     try:
         truth = write(partial[0])
         document = {**truth.document(), DIGEST: digest_of(partial[0])}

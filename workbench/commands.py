@@ -84,7 +84,10 @@ def build_parser() -> Parser:
         made.add_argument("--store", metavar="FOLDER", help="add it to the history of `workbench open FOLDER`")
         made.add_argument("--no-report", action="store_true", help="without report.html")
     batch.add_argument(
-        "recordings", nargs="+", metavar="RECORDING", help="file, folder of .h5 files or URL, in order of production"
+        "recordings",
+        nargs="+",
+        metavar="RECORDING",
+        help="file, folder of .h5 files or URL, * for many, in order of production",
     )
     batch.add_argument("--out", required=True, metavar="DIR", help="folder or URL: DIR/PART/ for each, DIR/fleet.html")
     where = batch.add_mutually_exclusive_group()

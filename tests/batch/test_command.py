@@ -50,6 +50,8 @@ def test_status_and_table(batch: Any, record: Write) -> None:
         (["a.h5", "--scheduler", "tcp://x:1"], "not allowed with argument"),
         (["a.h5", "--time-limit", "3"], "unknown option '--time-limit'; did you mean '--time-limit-s'?"),
         (["a.h5", "--input", "shift=1"], "the pipeline has no input 'shift'; did you mean 'shift_mm'?"),
+        (["none.h5"], "none.h5: no such file"),
+        (["none-*.h5"], "none-*.h5: expected recordings (*.h5) by this name, found none"),
         (["a.h5", "x/a.h5"], "as those of a.h5: expected file names that differ"),
     ],
 )

@@ -50,7 +50,8 @@ def test_a_folder_stands_for_its_recordings_by_number(tmp_path: Path) -> None:
         (tmp_path / name).touch()
     assert [part.name for part in parts([str(tmp_path)])] == ["part-1", "part-2", "part-10"]
     assert [part.name for part in parts(["z.h5", "a.h5"])] == ["z", "a"]  # as given
+    assert [part.name for part in parts([str(tmp_path / "part-*.h5")])] == ["part-1", "part-2", "part-10"]
     (tmp_path / "empty").mkdir()
-    for nothing in ([], [str(tmp_path / "empty")]):
+    for nothing in ([], [str(tmp_path / "empty")], [str(tmp_path / "p?.h5")]):
         with pytest.raises(InputError, match="expected"):
             parts(nothing)

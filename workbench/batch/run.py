@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import os
 import re
 import time
@@ -45,8 +46,8 @@ class Part(NamedTuple):
 def parts(recordings: Iterable[str]) -> tuple[Part, ...]:
     """The parts of these recordings, in the order given: that is taken as the order of production.
 
-    A folder stands for the recordings (`.h5`) in it, a URL may hold wildcards: in the order of their names, numbers by
-    value.
+    A folder stands for the recordings (`.h5`) in it, a path or URL may hold wildcards: in the order of their names,
+    numbers by value.
 
     Raises:
         InputError: none; one given twice; two whose folders would have the same name.
@@ -69,6 +70,11 @@ def parts(recordings: Iterable[str]) -> tuple[Part, ...]:
     return tuple(found)
 
 
+def _there(part: Part) -> bool:
+    """Whether a recording is there; of one behind a URL its run tells."""
+    return is_remote(part.recording) or Path(local_path(part.recording)).exists()
+
+
 def safe_name(recording: str) -> str:
     """The file's name without its ending, as a folder's: letters, digits, '.', '-' and '_'; never hidden or a path."""
     file = PurePosixPath(recording.rstrip("/")).name if is_remote(recording) else Path(local_path(recording)).name
@@ -85,12 +91,15 @@ def _expanded(given: str) -> list[str]:
         refuse_credentials(given)
         return sorted(listed(given, SUFFIX), key=by_numbers)
     folder = Path(local_path(given))
-    if not folder.is_dir():
+    if folder.is_dir():
+        found, where = [str(path) for path in folder.iterdir() if path.suffix == SUFFIX], "in this folder"
+    elif glob.has_magic(given) and not folder.exists():  # quoted, or the shell has found none
+        found, where = glob.glob(str(folder)), "by this name"
+    else:
         return [given]
-    found = sorted((str(path) for path in folder.iterdir() if path.suffix == SUFFIX), key=by_numbers)
     if not found:
-        raise InputError(given, f"expected recordings (*{SUFFIX}) in this folder, found none")
-    return found
+        raise InputError(given, f"expected recordings (*{SUFFIX}) {where}, found none")
+    return sorted(found, key=by_numbers)
 
 
 def by_numbers(name: str) -> list[tuple[int, int, str]]:
@@ -180,6 +189,8 @@ def run_batch(
     document = read_document(Path(pipeline))
     check(document, alike.get("inputs") or {}, alike.get("settings") or {})
     found = parts(recordings)
+    if scheduler is None and not any(map(_there, found)):
+        raise InputError(found[0].recording, "no such file")
     jobs = [_job(part, document, out, alike) for part in found]
     with ExitStack() as connected:  # a scheduler that does not answer leaves `out` as it is
         execute = connected.enter_context(executor(workers, scheduler, time_limit_s, len(jobs)))

@@ -52,6 +52,9 @@ def test_values_are_json_or_text(command: Any, pipeline: Path, tmp_path: Path) -
     assert (stages[0]["recording"], stages[1]["angle_deg"], stages[1]["steps"]) == (str(tmp_path / "a=b.txt"), 7, 3)
 
 
+CELL = Path(__file__).parents[1] / "data" / "robot" / "cell.json"
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -73,6 +76,11 @@ def test_values_are_json_or_text(command: Any, pipeline: Path, tmp_path: Path) -
             "stages[1].steps: expected greater than or equal to 1",
         ),
         (["run", "missing.json", "--out", "D"], "missing.json: cannot be read: No such file or directory"),
+        (
+            ["run", "inspect_bevl", "--out", "D"],
+            "inspect_bevl: cannot be read: No such file or directory; did you mean",
+        ),
+        (["run", str(CELL), "--out", "D"], "format: expected a pipeline, this is a file of another kind: 'robot-cell'"),
         (["run", "P", "--out", "P"], "p.json: is not a directory"),
         (["run", "P", "--out", ""], "expected the name of a directory"),
         (["validate", "missing.json"], "missing.json: cannot be read"),

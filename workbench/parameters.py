@@ -35,6 +35,8 @@ def check_parameters(model: type[BaseModel], given: Mapping[str, Any], where: st
     from pydantic import ValidationError
 
     known = model.model_fields
+    if other := other_kind(model, given):
+        raise PipelineError(f"{where}.format", other)
     for key in given:
         if key not in known:
             raise PipelineError(f"{where}.{key}", f"no such parameter{nearest(key, known)}")
@@ -70,8 +72,10 @@ def path_of(place: Place, root: str = "$") -> str:
 def problems(error: ValidationError, given: Any, model: type[BaseModel] | None = None) -> list[tuple[Place, str]]:
     """All that pydantic found in a document: the place, and what was expected; to unknown keys the nearest of `model`.
 
-    What pydantic adds to a place is left out: tags of unions.
+    What pydantic adds to a place is left out: tags of unions. Of a file of another kind that alone is told.
     """
+    if model is not None and (other := other_kind(model, given)):
+        return [(("format",), other)]
     found = []
     for entry in error.errors(include_url=False):
         place: list[str | int] = []
@@ -82,10 +86,19 @@ def problems(error: ValidationError, given: Any, model: type[BaseModel] | None =
                 value = value[key]
             except (KeyError, IndexError, TypeError):
                 place += [key] if absent or not depth else []
-                break
+                continue  # a tag of a union: what follows is in the same object
             place.append(key)
         found.append((tuple(place), _expected(entry, tuple(place), model)))
     return found
+
+
+def other_kind(model: type[BaseModel], given: Any) -> str:
+    """What to say of a document whose `format` is not the only one of the model; '' where it is, or none is stated."""
+    kinds = get_args(model.model_fields["format"].annotation) if "format" in model.model_fields else ()
+    said = given.get("format") if isinstance(given, Mapping) else None
+    if len(kinds) != 1 or not isinstance(said, str) or said in kinds:
+        return ""
+    return f"expected '{kinds[0]}', this is a file of another kind: '{said}'"
 
 
 def _expected(entry: ErrorDetails, place: Place, model: type[BaseModel] | None) -> str:

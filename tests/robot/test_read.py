@@ -119,6 +119,8 @@ REFUSED: list[tuple[str, Any, str]] = [
     ("process", {"home": HOME, "feed": {"most_mm_s": 0.02}}, "$.process.feed.most_mm_s"),
     ("tool.mas_kg", 32, "$.tool.mas_kg: unknown key; did you mean 'mass_kg'?"),
     ("fixtures.0.onn", "base", "$.fixtures[0].onn: unknown key; did you mean 'on'?"),
+    ("turntable.base_from_turntable", {"quaternion_xyzw": [0, 0, 0, 1]}, "did you mean 'quaternion_wxyz'?"),
+    ("format", "bevel-recipe", "$.format: expected 'robot-cell', this is a file of another kind: 'bevel-recipe'"),
     ("fixture", [], "$.fixture: no such parameter; did you mean 'fixtures'?"),
     (
         "process.spindle.on_signal",

@@ -41,6 +41,7 @@ def test_a_recipe_survives_json():
         ({"passes": [PASS], "scanner": {"noise": {"sd": 1}}}, r"scanner\.noise\.sd: .*'sd_mm'"),
         ({"passes": []}, "passes: .*1 values at least"),
         ({}, "passes: is required"),
+        ({"format": "robot-cell"}, "format: expected 'bevel-recipe', this is a file of another kind: 'robot-cell'"),
         ({"passes": [PASS], "version": 2}, "version: "),
         ({"passes": [PASS], "part": {"root_mm": 9, "thickness_mm": 8}}, "root_mm must stay .* below thickness_mm"),
         ({"passes": [PASS], "part": {"bevel_deg": {"start": 1, "end": 1, "amplitude": 2}}}, "bevel_deg must stay"),

@@ -11,6 +11,7 @@ from typing import Any
 
 from workbench import strict_json
 from workbench.errors import ArgumentError, InputError, PipelineError, nearest
+from workbench.samples import pipelines
 
 VERSION = 1
 KEYS = ("version", "title", "seed", "inputs", "stages")
@@ -37,7 +38,8 @@ def read_document(path: Path) -> PipelineDocument:
         with open(path, "rb") as file:
             content = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        raise ArgumentError(str(path), "cannot be read: No such file or directory") from None
+        meant = nearest(str(path), pipelines()) if str(path).isidentifier() else ""
+        raise ArgumentError(str(path), f"cannot be read: No such file or directory{meant}") from None
     except (OSError, ValueError) as error:
         raise PipelineError(str(path), f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if len(content) > MAX_BYTES:
@@ -49,7 +51,7 @@ def read_document(path: Path) -> PipelineDocument:
             raise
         message = (
             f"expected a pipeline in JSON: {error.expected}; a recording is the input of one, as in "
-            f"`workbench run inspect_bevel --input recording={path.name}`; other files: `workbench import --draft`"
+            f"`workbench run inspect_bevel --input recording={path}`; other files: `workbench import --draft`"
         )
         raise PipelineError(error.where, message) from None
     return check_document(tree, str(path), path.parent)
@@ -67,6 +69,10 @@ def check_document(tree: Any, name: str, base_dir: Path) -> PipelineDocument:
     """Check the document's own form; the stages are looked up by `workbench.pipeline.wiring`."""
     if not isinstance(tree, dict):
         raise PipelineError(name, f'expected {{"version": 1, "stages": [...]}}, got {kind(tree)}')
+    if isinstance(tree.get("format"), str):
+        raise PipelineError(
+            f"{name}: format", f"expected a pipeline, this is a file of another kind: '{tree['format']}'"
+        )
     for key in tree:
         if key not in KEYS:
             raise PipelineError(f"{name}: {key}", f"unknown key{nearest(key, KEYS)}")

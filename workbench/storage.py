@@ -9,6 +9,7 @@ import hashlib
 import io
 import math
 import os
+import re
 import shutil
 import stat
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -241,8 +242,8 @@ def csv_table(
     """Column names of a CSV, and of each row behind them its line, from 1, and its cells; # begins a comment.
 
     Raises:
-        InputError: unreadable, no table, a column that is `needed` missing, one twice or none of the `known`, a row of
-            other length; with the line.
+        InputError: unreadable, no table, cells parted by other than commas, a column that is `needed` missing, one
+            twice or none of the `known`, a row of other length; with the line.
     """
     lines = numbered_lines(read_text(path, max_bytes))
     try:
@@ -251,6 +252,9 @@ def csv_table(
         raise InputError(str(path), f"expected a table of comma-separated values: {error}") from None
     numbers = [number for number, _ in lines]
     header = next(iter(table), [])
+    if len(header) == 1 and (other := re.search(r"[;\t]", header[0])):
+        what = f"expected cells parted by commas, decimals by points, found {other[0]!r} in the header"
+        raise InputError(f"{path}: line {numbers[0]}", what)
     _check_needed(path, header, needed)
     for name in header:
         if header.count(name) > 1:
@@ -267,8 +271,7 @@ def _check_needed(path: Path, header: list[str], needed: Sequence[str]) -> None:
     if needed and not header:
         raise InputError(str(path), f"expected a header with the columns {', '.join(needed)}")
     for name in (one for one in needed if one not in header):
-        hint = ": are cells parted by commas, decimals by points?" if len(header) == 1 else ""
-        raise InputError(f"{path}: header", f"expected the column '{name}'{hint}")
+        raise InputError(f"{path}: header", f"expected the column '{name}'")
 
 
 def csv_rows(path: Path, max_bytes: int, known: Sequence[str] = ()) -> list[tuple[str, dict[str, str]]]:

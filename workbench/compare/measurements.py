@@ -92,7 +92,10 @@ def measurements_of(
     for where, row in rows:
         part, operator = row.get(called["part"], ONLY), row.get(called["operator"], ONLY)
         if "inspection" in row and not characteristics:
-            found[where,] = read_inspection(study.parent / row["inspection"], part, operator)
+            try:
+                found[where,] = read_inspection(study.parent / row["inspection"], part, operator)
+            except InputError as error:
+                raise InputError(where, str(error)) from None
             continue
         trial, section = row.get(called["trial"], where), 1 if characteristics else _section(row["section"], where)
         one = found.setdefault((part, operator, trial), Measurement(part, operator, where, {}))

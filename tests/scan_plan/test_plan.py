@@ -183,6 +183,12 @@ def sensor(tmp_path: Path, **changes: Any) -> Path:
     return file
 
 
+def edge_through(folder: Path, *along_mm: float) -> Path:
+    file = folder / f"through{'-'.join(map(str, along_mm))}.csv"
+    file.write_text("\n".join(["x_mm,y_mm,z_mm", *(f"{1500 + x},0,800" for x in along_mm)]))
+    return file
+
+
 def test_bad_input_ends_in_one_line(tmp_path: Path) -> None:
     far = tmp_path / "far.json"
     line = {"format": "edge-line", "version": 1, "points_mm": [[9000, 0, 0], [9100, 0, 0]]}
@@ -201,6 +207,9 @@ def test_bad_input_ends_in_one_line(tmp_path: Path) -> None:
         ({"edge": arc}, "found an arc"),
         ({"edge": metres}, "in metres"),
         ({"most_speed_mm_s": 0.01}, "between frames"),
+        ({"edge": edge_through(tmp_path, 0, 120, 60, 180)}, "it turns back at point 2 .1620, 0, 800 mm.: out of order"),
+        ({"edge": edge_through(tmp_path, 0, 60, 60, 0)}, "turns back at point 2"),
+        ({"edge": edge_through(tmp_path, 60, 60)}, "expected different points along the edge, found one place alone"),
         ({"edge": far, "upper_side": (1.0, 0.0, 0.0)}, "upper side across the edge"),
         ({"edge": along}, "upper side across the edge"),
     ]

@@ -28,6 +28,7 @@ from workbench.strict_json import MAX_BYTES, read_json
 from workbench.units import DEG, TO_SD, Float, Shaped
 
 OFF_PLATE_MM, NEAR_MM = 3.0, 80.0  # off the nominal plate, and at most from the edge: what stands there is no plate
+APART_MM = 2.0  # points nearer than that may lie in any direction from each other, as they are measured
 SAMPLED = 40_000  # points of a coarse recording that are looked at
 SAMPLED_FRAMES = 200  # likewise, for its noise
 SECOND_DIFFERENCE = TO_SD / math.sqrt(6.0)  # standard deviation by the median of |z1 - 2 z2 + z3|
@@ -56,16 +57,38 @@ def read_edge(path: Path, upper_side: Float, joint: Joint, hand_eye: HandEye | N
     if suffix in RECORDINGS:
         return _recorded(path, upper_side, joint, hand_eye)
     if suffix in DRAWINGS:
-        return EdgeLine.through(_dxf_points(path), upper_side, path)
+        return EdgeLine.through(_in_order(_dxf_points(path), path), upper_side, path)
     if suffix == ".csv":
-        return EdgeLine.through(Table(path, POINT, 2).numbers(POINT), upper_side, path)
+        return EdgeLine.through(_in_order(Table(path, POINT, 2).numbers(POINT), path), upper_side, path)
     if read_json(path).get("format") == "bevel-toolpath":
         from workbench.path import read
 
         return _planned(read(toolpath=path), path)
     file = EdgeLineFile.read(path)
     upper = upper_side if file.upper_side is None else np.array(file.upper_side)
-    return EdgeLine.through(np.array(file.points_mm), upper, path)
+    return EdgeLine.through(_in_order(np.array(file.points_mm), path), upper, path)
+
+
+def _in_order(points_mm: Float, path: Path) -> Float:
+    """Points (p, 3) of an edge as given; points nearer than APART_MM to the one before tell no direction.
+
+    Raises:
+        InputError: all are the same; at one of them the way turns back.
+    """
+    kept = [0]
+    for k in range(1, len(points_mm)):
+        if np.linalg.norm(points_mm[k] - points_mm[kept[-1]]) > APART_MM:
+            kept.append(k)
+    if not np.ptp(points_mm, axis=0).any():
+        raise InputError(str(path), "expected different points along the edge, found one place alone")
+    step = np.diff(points_mm[kept], axis=0)
+    back = np.flatnonzero((step[:-1] * step[1:]).sum(axis=1) < 0.0)
+    if len(back):
+        k = kept[back[0] + 1]
+        at = ", ".join(f"{value:g}" for value in points_mm[k])
+        why = f"expected points in order along the edge, found that it turns back at point {k + 1} ({at} mm)"
+        raise InputError(str(path), f"{why}: out of order, or a place twice?")
+    return points_mm
 
 
 def modelled(path: Path | None, number: int | None, base_from_cad: list[list[float]] | None) -> NominalEdge | None:

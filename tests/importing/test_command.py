@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from tests.importing import makers
+from tests.importing.conftest import profiles_part
 from workbench.artefacts import Recording
 from workbench.cli import main
 
@@ -106,6 +107,24 @@ def test_one_line_and_nothing_written(
     assert errors.count("\n") == 1
     assert message in errors
     assert sorted(os.listdir(tmp_path)) == before
+
+
+def test_a_pattern_that_names_no_source_is_told(tmp_path: Path, mapped: Mapped, capsys: Out) -> None:
+    table, mapping = tmp_path / "x.csv", mapped(profiles=profiles_part())
+    table.write_text("a,b\n1,2\n3,4\n5,6\n")
+    arguments = ["import", str(table), "--out", str(tmp_path / "a.h5")]
+    assert main([*arguments, "--mapping", str(mapping)]) == 2
+    assert "x.csv: is in no known form (docs/importing.md); by its name it is none" in (told := capsys.readouterr().err)
+    assert "'scan*' of profiles" in told
+    assert main(arguments) == 2
+    assert f"`workbench import --draft {table}` begins a mapping" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("draft", [[], ["--draft"]])
+def test_a_mapping_is_no_source(draft: list[str], tmp_path: Path, mapped: Mapped, capsys: Out) -> None:
+    out = tmp_path / ("a.json" if draft else "a.h5")
+    assert main(["import", str(mapped(**AXIS)), *draft, "--out", str(out)]) == 2
+    assert "map.json: is a mapping, no source: give it by --mapping" in capsys.readouterr().err
 
 
 def test_travel_in_the_file_is_used(tmp_path: Path, capsys: Out) -> None:

@@ -14,7 +14,7 @@ from workbench.importing import joints, poses, tables, tracker
 from workbench.importing.mapping import Mapping, claimed_by
 from workbench.importing.mapping_parts import TextPart
 from workbench.importing.neutral import Imported
-from workbench.importing.text import first_bytes, head_text, otherwise_separated, why_no_table
+from workbench.importing.text import first_bytes, form_of, head_text, otherwise_separated, why_no_table
 from workbench.storage import regular_file
 
 KINDS = (  # modules of workbench.importing
@@ -74,10 +74,18 @@ def read_source(path: Path, mapping: Mapping) -> Imported:
             raise InputError(str(path), other)
         if why := why_no_table(head):
             raise InputError(str(path), f"is no table of numbers: {why}")
-        first_line = head_text(head).split("\n", 1)[0][:60]
-        draft = "of a table `workbench import --draft` begins a mapping"
-        raise InputError(str(path), f"is in no known form (docs/importing.md): {draft}; its first line: {first_line!r}")
+        raise InputError(str(path), f"is in no known form (docs/importing.md){_advice(path, head, mapping)}")
     return found[0].read(path, mapping)
+
+
+def _advice(path: Path, head: bytes, mapping: Mapping) -> str:
+    """What the mapping's patterns are; of a table that nothing is known of, how a mapping begins; the first line."""
+    named = [f"'{one.files}' of {name}" for name, one in mapping.of_files.items() if one.files is not None]
+    if named:
+        told = f"; by its name it is none of the mapping's files: {', '.join(named)}"
+    else:
+        told = f": `workbench import --draft {path}` begins a mapping" if form_of(path) is not None else ""
+    return f"{told}; its first line: {head_text(head).split(chr(10), 1)[0][:60]!r}"
 
 
 def check_file(path: Path) -> None:
@@ -93,6 +101,9 @@ def _other(path: Path, head: bytes) -> str:
     """What a file is that is no source of a recording, and where it goes; '' where nothing is known of it."""
     if path.suffix.lower() in CLOUDS:
         return AS_A_CLOUD
+    if path.suffix.lower() == ".json":
+        mapping = b'"import-mapping"' in head
+        return "is a mapping, no source: give it by --mapping" if mapping else "is JSON, in no form that holds profiles"
     if head.startswith(b"\x89HDF"):
         return "is HDF5: a recording already? `workbench look` shows what it holds"
     text = head_text(head)

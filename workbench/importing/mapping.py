@@ -38,6 +38,14 @@ from workbench.strict_json import read_json
 from workbench.units import DEG, Float
 
 MAX_BYTES = 1_000_000
+READERS = {  # parts of the mapping about files, and the modules of workbench.importing that read them
+    "profiles": "tables",
+    "poses": "poses",
+    "arrays": "arrays",
+    "joints": "joints",
+    "tracker": "tracker",
+    "program": "programs",
+}
 Suspicion = Literal["length_unit", "angle_unit", "time_unit", "still", "direction"]
 
 
@@ -166,6 +174,11 @@ class Mapping(Part):
     _base_dir: Path = PrivateAttr(Path())
 
     @property
+    def of_files(self) -> dict[str, FilesPart]:
+        """Its parts about some of the sources, by name."""
+        return {name: part for name in READERS if (part := getattr(self, name)) is not None}
+
+    @property
     def base_dir(self) -> Path:
         """Where the relative paths in it start: the mapping file's own folder."""
         return self._base_dir
@@ -257,12 +270,4 @@ def _after_blanks(text: str, at: int) -> int:
 
 def claimed_by(path: Path, mapping: Mapping) -> list[str]:
     """Modules of workbench.importing whose part of the mapping names the file."""
-    parts: dict[str, FilesPart | None] = {
-        "tables": mapping.profiles,
-        "poses": mapping.poses,
-        "arrays": mapping.arrays,
-        "joints": mapping.joints,
-        "tracker": mapping.tracker,
-        "programs": mapping.program,
-    }
-    return [name for name, part in parts.items() if part is not None and part.claims(path)]
+    return [READERS[name] for name, part in mapping.of_files.items() if part.claims(path)]

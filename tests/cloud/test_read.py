@@ -232,6 +232,11 @@ def test_points_without_coordinates_are_left_out(tmp_path: Path, points: Float) 
     [
         ("a.dwg", b"x", "expected a cloud as PLY, PCD.*found the ending '.dwg'"),
         ("a.ply", b"ply\nformat ascii 1.0\n", "expected a complete PLY file: .*"),
+        (
+            "b.ply",
+            b"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nend_header\n1\n",
+            "expected a complete PLY file: Read PLY failed: unable to read file$",
+        ),
         ("a.pcd", b"VERSION 0.7\nFIELDS x\n", "no DATA line"),
         ("a.pcd", b"FIELDS x\nSIZE 8\nCOUNT 1\nPOINTS 99999999999\nDATA binary\n1", "too many for the 1 bytes"),
         ("a.xyz", b"1 2 3\n4 5\n", "row 2"),

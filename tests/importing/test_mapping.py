@@ -47,6 +47,7 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "two hand-eyes": ({"hand_eye": {}}, r"expected one of flange_from_profiler, file, position"),
     "accept": ({"accept": ["all"]}, r"\$\.accept\[0\]: expected 'length_unit'"),
+    "a date": ({"recorded_at": "31.03.2026"}, r"map\.json: line 1: \$: recorded_at: expected a date as 2026-03-31"),
     "base_dir": ({"base_dir": "/"}, r"\$\.base_dir: unknown key"),
 }
 

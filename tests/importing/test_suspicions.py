@@ -14,6 +14,8 @@ from tests.importing.conftest import poses_part, profiles_part, write_poses, wri
 from tests.importing.test_times import some_frames
 from workbench.artefacts import Recording
 from workbench.errors import InputError
+from workbench.recording_file import write
+from workbench.scan import read
 
 Import = Callable[..., Recording]
 Mapped = Callable[..., Path]
@@ -81,6 +83,14 @@ def test_suspicions(case: str, tmp_path: Path, light: Recording, imported: Impor
     accepted = ["length_unit", "time_unit", "direction", "still", "angle_unit"]
     if case != "mm read as m":  # a kilometre is more than any recording may hold
         assert len(imported(*sources, mapping=mapped(**parts, accept=accepted)).time_s) == 30
+
+
+def test_micrometres_read_as_mm(light: Recording, shop: Import, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"expected mm or no return, found z = \d+ in column 1: um read as mm\?"):
+        shop(replace(light, z_mm=light.z_mm * 1000), light)
+    write(replace(light, z_mm=light.z_mm * 1000), tmp_path / "um.h5")
+    with pytest.raises(InputError, match=r"expected mm, NaN where nothing came back, found \d+: um read as mm\?"):
+        read(recording=tmp_path / "um.h5")
 
 
 def test_degrees_declared_as_radians(light: Recording, shop: Import) -> None:

@@ -104,7 +104,7 @@ def in_process(file: Path) -> Float:
             return np.asarray(np.load(out), dtype=np.float64).reshape(-1, 3)
         lines = said.strip().splitlines()
         why = complaints[-1] if complaints else lines[-1] if lines and status == 1 else "its reader crashed"
-    why = why.replace(str(file.absolute()), "it")
+    why = why.removesuffix(f": {file.absolute()}").replace(str(file.absolute()), "it")
     raise InputError(str(file), f"expected a complete {file.suffix[1:].upper()} file: {why}")
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from workbench.artefacts import LINEAR_AXIS, Part, PartNames, Recording
+from workbench.artefacts import LINEAR_AXIS, UNKNOWN_PART, Part, Recording
 from workbench.errors import InputError
 from workbench.geometry.moves import arc_lengths_mm
 from workbench.importing import tracker
@@ -104,10 +104,7 @@ def _hand_eye(sources: Sequence[Imported], mapping: Mapping) -> tuple[Float | No
 
 def _part(frames: ProfileFrames, mapping: Mapping, axis: bool) -> Part:
     """What the mapping says of the part; the sensor as the profiles name it where the mapping does not."""
-    try:
-        said = Part(**{field.name: getattr(mapping, field.name) for field in fields(PartNames)})
-    except ValueError as error:
-        raise InputError("mapping", str(error)) from None
+    said = UNKNOWN_PART.with_names(mapping.names())
     said = replace(said, robot=LINEAR_AXIS) if axis and said.robot is None else said
     return said if said.sensor is not None else replace(said, sensor=frames.sensor)
 

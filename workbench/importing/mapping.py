@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
+from workbench.artefacts import PartNames
 from workbench.errors import InputError
 from workbench.geometry.poses import (
     USUAL_ANGLE_UNIT,
@@ -172,6 +174,15 @@ class Mapping(Part):
     uncertain: list[str] = Field(default=[], description="of a draft: what to confirm before it is measured by")
     lacking: list[str] = Field(default=[], description="of a draft: what the sources do not hold")
     _base_dir: Path = PrivateAttr(Path())
+
+    @model_validator(mode="after")
+    def _dated(self) -> Mapping:
+        self.names()
+        return self
+
+    def names(self) -> PartNames:
+        """What it says of the part; ValueError of what is no date."""
+        return PartNames(**{field.name: getattr(self, field.name) for field in fields(PartNames)})
 
     @property
     def of_files(self) -> dict[str, FilesPart]:

@@ -14,6 +14,7 @@ from workbench.geometry.poses import rotation_from_quaternion
 from workbench.importing.mapping import Mapping, Suspicion
 from workbench.importing.mapping_parts import LENGTH_MM
 from workbench.importing.neutral import MAX_MM, PoseStream, ProfileFrames, returns_of
+from workbench.scan.checks import in_micrometres
 from workbench.units import Float
 
 REACH_MM = (100.0, 30_000.0)  # of a flange from its base: less is inside the robot, more needs a track of 30 m
@@ -49,6 +50,7 @@ def check_profiles(frames: ProfileFrames, mapping: Mapping) -> None:
         if max(np.fmax.reduce(grid, axis=None), -np.fmin.reduce(grid, axis=None)) > MAX_MM:
             frame, column = np.argwhere(np.abs(grid) > MAX_MM)[0]
             what = f"expected mm or no return, found {name} = {grid[frame, column]:g} in column {column + 1}"
+            what += in_micrometres(grid)
             raise InputError(f"{frames.source}: frame {frame + 1}", what)
     count, ranges = returns_of(frames.x_mm, frames.z_mm)
     if not count:

@@ -46,6 +46,7 @@ def check_hand_eye(pose: Float, where: str) -> None:
 
 UNIT_TOLERANCE = 1e-3  # of a quaternion's norm; nearer to 1 it is normalised (INTERFACES section 0)
 MAX_SECONDS = 1e11  # 3,000 years: what is beyond was not counted in seconds
+FAR_MM = 1e4  # no profiler sees so far
 MAX_MM = 1e6  # of a flange position: 1 km
 
 
@@ -75,6 +76,12 @@ def normalised(quaternion_wxyz: Float, where: str) -> Float:
             f"{where}[{off[0]}]", f"expected a norm of 1 within {UNIT_TOLERANCE}, found {norm[off[0]]:.6g}"
         )
     return np.asarray(quaternion_wxyz / norm[:, None])
+
+
+def in_micrometres(lengths_mm: AnyArray) -> str:
+    """': um read as mm?' where that explains all lengths, of which some are beyond reason; else ''."""
+    size = np.abs(lengths_mm[np.isfinite(lengths_mm)])
+    return ": um read as mm?" if len(size) and size.min() > FAR_MM and size.max() <= 1000.0 * FAR_MM else ""
 
 
 def _check_bounded(values: AnyArray, limit: float, where: str, expected: str) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from workbench.artefacts import NO_NAMES, PartNames, Recording, frozen
 from workbench.errors import InputError
 from workbench.geometry.blocks import in_order, repeated
-from workbench.scan.checks import checked
+from workbench.scan.checks import checked, in_micrometres
 from workbench.scan.hdf5 import FIELDS, calibration, check_header, data_sets, opened, part_of, survives, text, whole
 from workbench.stage import InputFile, Progress, stage
 from workbench.units import AnyArray, Float32
@@ -143,9 +143,8 @@ def _count_returns(x_mm: Float32, z_mm: Float32, first_frame: int, where: str) -
             rows, columns = np.nonzero(np.abs(values) > MAX_MM)
             if len(rows):
                 place = f"{where}: /profiles/{name}[{first_frame + rows[0]}, {columns[0]}]"
-                raise InputError(
-                    place, f"expected mm, NaN where nothing came back, found {values[rows[0], columns[0]]:g}"
-                )
+                found = f"{values[rows[0], columns[0]]:g}{in_micrometres(values)}"
+                raise InputError(place, f"expected mm, NaN where nothing came back, found {found}")
     return finite
 
 

@@ -120,3 +120,9 @@ def test_a_worn_cutter_leaves_material() -> None:
     assert start + slope * length == pytest.approx(0.04, abs=0.003)
     assert start == pytest.approx(0.032, abs=0.003)
     assert math.isfinite(slope)
+
+
+def test_a_plan_of_another_part_is_asked_for() -> None:
+    scan = surface(denoise(fuse(read_recording(recording=DATA / "milled_edge.h5"))))
+    told = deviation(scan, plan(read(toolpath=DATA / "paths" / "raw_arc.json")))[0].warnings
+    assert any("places lie further off than depth_mm, 1 mm: a plan of another part" in one for one in told)

@@ -24,6 +24,7 @@ from workbench.stage import stage
 from workbench.units import Float, Shaped
 
 LEAST_PLACES = 20
+MUCH = 0.3  # share of the places that lie further off than was searched: no part is milled so far off
 DETECTION = 1.959964  # two-sided 95 %
 ROOT_2 = math.sqrt(2.0)  # two passes that err alike lie so many times their standard uncertainty apart
 PATH = "errors of the path that all faces share"
@@ -100,11 +101,23 @@ def deviation(
             f"{words}: expected surfaces that lie on each other, in one unit, and "
             "three frames or more in a cylinder (projection_mm)",
         )
+    near_or_far = summary.compared + summary.beyond
+    if summary.beyond > MUCH * near_or_far:
+        far = f"{summary.beyond} of {near_or_far} places lie further off than depth_mm, {depth_mm:g} mm"
+        words = f"{far}: a {kind_of(reference)} of another part or unit, or laid elsewhere?"
+        found = dataclasses.replace(found, warnings=(*found.warnings, words))
     return (
         found,
         deviation_document(found, summary, scan, reference, registration, scales),
         deviation_chapter(found, summary, scan, reference, registration, position_u_mm),
     )
+
+
+def kind_of(reference: Surface) -> str:
+    """What a scan is compared with, in a word."""
+    if reference.triangles is None:
+        return "scan"
+    return "mesh" if reference.course_mm is None else "plan"
 
 
 def moved(scan: Surface, registration: Registration) -> Surface:
@@ -131,11 +144,7 @@ def deviation_document(
         "frame": "base",
         "scan": scan.source,
         "reference": reference.source,
-        "reference_kind": "scan"
-        if reference.triangles is None
-        else "plan"
-        if reference.course_mm is not None
-        else "mesh",
+        "reference_kind": kind_of(reference),
         "registered": registration is not None,
         "finding": summary.in_words,
         "changed": summary.is_changed,

@@ -252,10 +252,7 @@ def csv_table(
         raise InputError(str(path), f"expected a table of comma-separated values: {error}") from None
     numbers = [number for number, _ in lines]
     header = next(iter(table), [])
-    if len(header) == 1 and (other := re.search(r"[;\t]", header[0])):
-        what = f"expected cells parted by commas, decimals by points, found {other[0]!r} in the header"
-        raise InputError(f"{path}: line {numbers[0]}", what)
-    _check_needed(path, header, needed)
+    _check_header(path, header, needed)
     for name in header:
         if header.count(name) > 1:
             raise InputError(f"{path}: line {numbers[0]}", f"'{name}': occurs twice")
@@ -267,7 +264,10 @@ def csv_table(
     return header, numbers[1:], table[1:]
 
 
-def _check_needed(path: Path, header: list[str], needed: Sequence[str]) -> None:
+def _check_header(path: Path, header: list[str], needed: Sequence[str]) -> None:
+    if len(header) == 1 and (other := re.search(r"[;\t]", header[0])):
+        what = f"expected cells parted by commas, decimals by points, found {other[0]!r}"
+        raise InputError(f"{path}: header", what)
     if needed and not header:
         raise InputError(str(path), f"expected a header with the columns {', '.join(needed)}")
     for name in (one for one in needed if one not in header):

@@ -155,7 +155,7 @@ REFUSED = {
     "empty": ("", "is empty"),
     "both": ("inspection,section\na.json,1\n", "either an inspection or a section"),
     "missing file": ("inspection\nnone.json\n", "study.csv: line 2: {folder}/none.json: no such file"),
-    "semicolons": ("part;operator;trial;section;root_mm\n", "line 1: expected cells parted by commas"),
+    "semicolons": ("part;operator;trial;section;root_mm\n", "header: expected cells parted by commas"),
     "other sections": (rows("P,A,1,1,1.5,0.01", "P,A,2,2,1.5,0.01"), "expected sections 1 to 1"),
     "copied": (
         rows(*(f"P{part},{by},1,1,{1.5 + 0.1 * part + 0.01 * (by == 'A')},0.01" for part in range(4) for by in "AB"))

@@ -22,13 +22,12 @@ from workbench.path.course import components
 from workbench.plugins.csv_table import Table
 from workbench.result_files.contract import ResultFile, Vector
 from workbench.scan_plan.information import Joint
-from workbench.scan_plan.way import EdgeLine
+from workbench.scan_plan.way import STATION_MM, EdgeLine
 from workbench.storage import read_text
 from workbench.strict_json import MAX_BYTES, read_json
 from workbench.units import DEG, TO_SD, Float, Shaped
 
 OFF_PLATE_MM, NEAR_MM = 3.0, 80.0  # off the nominal plate, and at most from the edge: what stands there is no plate
-APART_MM = 2.0  # points nearer than that may lie in any direction from each other, as they are measured
 SAMPLED = 40_000  # points of a coarse recording that are looked at
 SAMPLED_FRAMES = 200  # likewise, for its noise
 SECOND_DIFFERENCE = TO_SD / math.sqrt(6.0)  # standard deviation by the median of |z1 - 2 z2 + z3|
@@ -70,14 +69,14 @@ def read_edge(path: Path, upper_side: Float, joint: Joint, hand_eye: HandEye | N
 
 
 def _in_order(points_mm: Float, path: Path) -> Float:
-    """Points (p, 3) of an edge as given; points nearer than APART_MM to the one before tell no direction.
+    """Points (p, 3) of an edge as given; points nearer than a station to the one before tell no direction.
 
     Raises:
         InputError: all are the same; at one of them the way turns back.
     """
     kept = [0]
     for k in range(1, len(points_mm)):
-        if np.linalg.norm(points_mm[k] - points_mm[kept[-1]]) > APART_MM:
+        if np.linalg.norm(points_mm[k] - points_mm[kept[-1]]) > STATION_MM:
             kept.append(k)
     if not np.ptp(points_mm, axis=0).any():
         raise InputError(str(path), "expected different points along the edge, found one place alone")

@@ -203,7 +203,7 @@ def test_unusable_rows_are_named(tmp_path: Path, row: str, words: str) -> None:
         (lambda text: "", "is empty: was it exported"),
         (lambda text: "# to be measured", "expected a header with the columns reference, x_mm"),
         (lambda text: text.replace("qz", "q"), "header: expected the column 'qz'"),
-        (lambda text: text.replace(",", ";"), "line 2: expected cells parted by commas, decimals by points"),
+        (lambda text: text.replace(",", ";"), "header: expected cells parted by commas, decimals by points"),
         (lambda text: text.replace("qz", "qy"), "header: expected the column 'qz'"),
         (lambda text: text.replace("tool_point", "reference"), "'reference': occurs twice"),
         (lambda text: "\n".join(text.splitlines()[:5]), "expected at least 4 rows, found 3"),

@@ -68,6 +68,9 @@ def read_edge(path: Path, upper_side: Float, joint: Joint, hand_eye: HandEye | N
     return EdgeLine.through(_in_order(np.array(file.points_mm), path), upper, path)
 
 
+BACK = -0.75  # cosine: a ring of three points turns by 120 deg at each
+
+
 def _in_order(points_mm: Float, path: Path) -> Float:
     """Points (p, 3) of an edge as given; points nearer than a station to the one before tell no direction.
 
@@ -81,7 +84,8 @@ def _in_order(points_mm: Float, path: Path) -> Float:
     if not np.ptp(points_mm, axis=0).any():
         raise InputError(str(path), "expected different points along the edge, found one place alone")
     step = np.diff(points_mm[kept], axis=0)
-    back = np.flatnonzero((step[:-1] * step[1:]).sum(axis=1) < 0.0)
+    step /= np.linalg.norm(step, axis=1, keepdims=True)
+    back = np.flatnonzero((step[:-1] * step[1:]).sum(axis=1) < BACK)
     if len(back):
         k = kept[back[0] + 1]
         at = ", ".join(f"{value:g}" for value in points_mm[k])

@@ -258,11 +258,8 @@ def broken_end(
     prior = PRIORS[condition]
     templates = end_templates(prior)
     seen, likelihood, share = _posterior(views, templates, corner)
-    if condition == "sharp" and seen:
-        anything = end_templates(PRIORS["unknown"])
-        other = _posterior(views, anything, corner)[1] + anything.log_prior
-        if np.logaddexp.reduce(other) - np.logaddexp.reduce(likelihood + templates.log_prior) > PROOF:
-            return broken_end(cloud, rim, here, "unknown", corner)  # the returns contradict what was declared
+    if condition == "sharp" and seen and _contradicted(views, corner, likelihood + templates.log_prior):
+        return broken_end(cloud, rim, here, "unknown", corner)
     if seen:
         templates = templates.finer(
             share.sum(axis=1) > UNLIKELY, math.log(prior.most_mm / prior.least_mm) / (SIZES - 1)
@@ -297,6 +294,13 @@ def _posterior(
     log = by_corner[:, None] + together_log(seen)
     share = shares((templates.log_prior[:, None] + log).ravel())
     return seen, np.logaddexp.reduce(log, axis=1), share.reshape(log.shape)
+
+
+def _contradicted(views: Sequence[EndView], corner: LowerFillet | None, log: Float) -> bool:
+    """Whether the returns prove an end that nothing was said of against a sharp one; log (t,): of that, with priors."""
+    templates = end_templates(PRIORS["unknown"])
+    other = _posterior(views, templates, corner)[1] + templates.log_prior
+    return bool(np.logaddexp.reduce(other) - np.logaddexp.reduce(log) > PROOF)
 
 
 def _likely(view: EndView, seen: SeenEnd, share: Float) -> Pixels:

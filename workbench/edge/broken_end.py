@@ -258,7 +258,7 @@ def broken_end(
     prior = PRIORS[condition]
     templates = end_templates(prior)
     seen, likelihood, share = _posterior(views, templates, corner)
-    if condition == "sharp" and seen and _contradicted(views, corner, likelihood + templates.log_prior):
+    if _contradicted(condition, views, corner, likelihood + templates.log_prior):
         return broken_end(cloud, rim, here, "unknown", corner)
     if seen:
         templates = templates.finer(
@@ -296,8 +296,10 @@ def _posterior(
     return seen, np.logaddexp.reduce(log, axis=1), share.reshape(log.shape)
 
 
-def _contradicted(views: Sequence[EndView], corner: LowerFillet | None, log: Float) -> bool:
-    """Whether the returns prove an end that nothing was said of against a sharp one; log (t,): of that, with priors."""
+def _contradicted(condition: EdgeCondition, views: Sequence[EndView], corner: LowerFillet | None, log: Float) -> bool:
+    """Whether returns prove an end of any size against one that was declared sharp; log (t,): of that, with priors."""
+    if condition != "sharp" or not views:
+        return False
     templates = end_templates(PRIORS["unknown"])
     other = _posterior(views, templates, corner)[1] + templates.log_prior
     return bool(np.logaddexp.reduce(other) - np.logaddexp.reduce(log) > PROOF)

@@ -6,7 +6,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from workbench.errors import InputError, OutputError
+from workbench.errors import ArgumentError, InputError, OutputError, nearest
 
 FOLDERS = ("pipelines", "data")
 
@@ -37,6 +37,8 @@ def copy_samples(target: Path) -> tuple[Path, ...]:
 def shipped_pipeline(name: str) -> str:
     """The path of a pipeline that comes with the project, for its bare name; anything else as it is given.
 
+    ArgumentError: no file, but much like the name of one of these.
+
     Example:
         >>> from workbench.samples import shipped_pipeline
         >>> shipped_pipeline("my/own.json")
@@ -44,7 +46,10 @@ def shipped_pipeline(name: str) -> str:
     """
     if name.isidentifier() and not Path(name).exists():
         place = _source() / "pipelines" / f"{name}.json"
-        return str(place) if place.is_file() else name
+        if place.is_file():
+            return str(place)
+        if meant := nearest(name, pipelines()):
+            raise ArgumentError(name, f"cannot be read: No such file or directory{meant}")
     return name
 
 

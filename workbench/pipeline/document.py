@@ -11,7 +11,6 @@ from typing import Any
 
 from workbench import strict_json
 from workbench.errors import ArgumentError, InputError, PipelineError, nearest
-from workbench.samples import pipelines
 
 VERSION = 1
 KEYS = ("version", "title", "seed", "inputs", "stages")
@@ -38,8 +37,7 @@ def read_document(path: Path) -> PipelineDocument:
         with open(path, "rb") as file:
             content = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        meant = nearest(str(path), pipelines()) if str(path).isidentifier() else ""
-        raise ArgumentError(str(path), f"cannot be read: No such file or directory{meant}") from None
+        raise ArgumentError(str(path), "cannot be read: No such file or directory") from None
     except (OSError, ValueError) as error:
         raise PipelineError(str(path), f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if len(content) > MAX_BYTES:

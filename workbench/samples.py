@@ -37,7 +37,7 @@ def copy_samples(target: Path) -> tuple[Path, ...]:
 def shipped_pipeline(name: str) -> str:
     """The path of a pipeline that comes with the project, for its bare name; anything else as it is given.
 
-    ArgumentError: no file, but much like the name of one of these.
+    ArgumentError: no file has this name, and none of these.
 
     Example:
         >>> from workbench.samples import shipped_pipeline
@@ -48,8 +48,7 @@ def shipped_pipeline(name: str) -> str:
         place = _source() / "pipelines" / f"{name}.json"
         if place.is_file():
             return str(place)
-        if meant := nearest(name, pipelines()):
-            raise ArgumentError(name, f"cannot be read: No such file or directory{meant}")
+        raise ArgumentError(name, f"cannot be read: No such file or directory{nearest(name, pipelines())}")
     return name
 
 

@@ -33,6 +33,7 @@ COVERED = 0.34  # of profiles in which something joins a plate's end, from which
 ADJOINS_COLUMNS, ADJOINS_RETURNS = 2, 3  # at most between the plates' ends, where these lie side by side in the view
 MOST_BETWEEN = DROP_POINTS + SHARED + 1  # as few do not tell a weld; they join the ends where none lies deeper
 LAST_COLUMNS = 20  # of a face, among which those without return are counted
+NEARER_MM, NEARER_RETURNS = 0.5, 3  # what hides an end: so much above the last return, so many returns of it in a row
 THIRD = 3  # return beyond an upper surface's end
 NEAR_RETURNS = 30  # of an upper surface, that tell how far apart its returns lie
 RADIUS_MM = 4.0  # of a fillet, before one is known
@@ -235,7 +236,8 @@ def _plate(view: _View, sections: Sequence[SectionLines], images: Sequence[FaceI
     parted_mm = typical(parted) if covered.mean() > COVERED else math.nan
     last[(covered & np.isnan(root_a)) | math.isfinite(parted_mm)] = np.nan
     lowest[covered | math.isfinite(parted_mm)] = np.nan
-    hangs, cut = end.copy() if len(lines) == 1 else None, np.zeros(n, bool)
+    hangs, cut = end.copy() if len(lines) == 1 else None, _hidden_by_nearer(view)
+    last[cut] = np.nan
     for place, column in ((last, outwards[1]), (end, outwards[0]))[: 2 if kind in UNSEEN else 1]:
         mine = cut_by_dark(view.cloud, column, (place - view.wander)[:, 0], pitch)
         place[mine], cut = np.nan, cut | mine
@@ -320,6 +322,20 @@ def _outwards(view: _View, index: Sequence[int]) -> Int:
     """Columns (n,) of a point of each profile, negative where the groove lies towards column 0 from there."""
     rises = [(of[-1] >= of[0]) == (view.which == 0) for of in view.read.columns]
     return np.array([of[i] * (1 if up else -1) for of, i, up in zip(view.read.columns, index, rises, strict=True)])
+
+
+def _hidden_by_nearer(view: _View) -> Bool:
+    """Profiles (n,) in which something between the plates, nearer to the sensor, follows the last return of one."""
+    out, way = np.zeros(len(view.sides), bool), (1, -1)[view.which]
+    for k, (columns, side, other) in enumerate(
+        zip(view.read.columns, view.sides, view.read.sides[1 - view.which], strict=True)
+    ):
+        next_ = other.below[(0, -1)[view.which]] if other.below.size else other.last
+        if not side.below.size and way * (int(next_) - side.last) > NEARER_RETURNS:
+            at = columns[side.last + way * np.arange(NEARER_RETURNS + 1)]
+            z = view.read.up * view.cloud.z_mm[k, at]
+            out[k] = (z[1:] - z[0]).min() > NEARER_MM
+    return out
 
 
 def _next_up(view: _View) -> Float:

@@ -48,8 +48,8 @@ BENEATH = (
 )
 BENEATH += "so that gap and depth are known bluntly: give `groove`"
 COVERED = "what lies between the plates joins their faces, a weld or a backing strip: where these end is not told"
-CUT = "in {:.0f} % of the profiles a plate ends beside a column that hardly ever returns, over which it moves: blind "
-CUT += "columns, or the sensor's window, end what is seen; where these sizes end there is not told"
+CUT = "in {:.0f} % of the profiles a plate ends behind something nearer, or beside a column that hardly ever returns, "
+CUT += "over which it moves: a cable, blind columns or the sensor's window end what is seen; these ends are not told"
 KNIVES = ("V", "HV")  # types whose bevels reach the plate's lower surface
 Given = Literal["auto", "I", "V", "Y", "HV", "HY", "X", "K", "U", "J"]
 

@@ -131,6 +131,7 @@ class BrokenEnd:
     share: Shaped[Float, "t i"]  # of the templates under each incidence
     seen: Mapping[int, SeenEnd]  # by pass
     own_mm: Shaped[Float, " N"]  # of `beyond_mm`, by how much more that is here than on average over the pass
+    contradicts: bool = False  # whether it was declared sharp, and the returns prove that it is not
 
     @property
     def doubt_mm(self) -> Float:
@@ -229,12 +230,6 @@ def _by_cells(cell: Int, values: Float, count: int) -> Float:
     return medians(values[order], np.searchsorted(cell[order], np.arange(count + 1)))
 
 
-def not_sharp(condition: EdgeCondition, *ends: BrokenEnd) -> tuple[str, ...]:
-    """The warning that ends are broken which were declared sharp."""
-    size_mm = max(end.size_mm for end in ends)
-    return (NOT_SHARP,) if condition == "sharp" and size_mm > PRIORS["sharp"].most_mm else ()
-
-
 def broken_end(
     cloud: Cloud,
     rim: FaceRim,
@@ -259,7 +254,7 @@ def broken_end(
     templates = end_templates(prior)
     seen, likelihood, share = _posterior(views, templates, corner)
     if _contradicted(condition, views, corner, likelihood + templates.log_prior):
-        return broken_end(cloud, rim, here, "unknown", corner)
+        return replace(broken_end(cloud, rim, here, "unknown", corner), contradicts=True)
     if seen:
         templates = templates.finer(
             share.sum(axis=1) > UNLIKELY, math.log(prior.most_mm / prior.least_mm) / (SIZES - 1)

@@ -16,7 +16,6 @@ from workbench.geometry.along import by_pass
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.course import fit_course
 from workbench.geometry.curves import Curve
-from workbench.geometry.fading import faded_columns
 from workbench.geometry.grids import columns_to_next
 from workbench.geometry.poses import in_planes
 from workbench.geometry.sections import SectionLines, crossing, in_section, section_lines
@@ -33,7 +32,6 @@ class RootEnds:
     step: Shaped[Float, " N"]  # the next column would meet it this much further; 0: a corner with the lower surface, mm
     sigma: Shaped[Float, " N"]  # noise of `low`, mm
     missing: Shaped[Float, " N"]  # probability that a column at the end of the root face has no return on it
-    fade: Shaped[Float, " N"]  # columns before the end over which its returns become rare
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +84,6 @@ def root_ends(
         step,
         np.sqrt(variance),
         missing_share(tracked.faces[ROOT_FACE], tracked.end_is_mixed, cloud.pass_index),
-        faded_columns(cloud.z_mm, tracked.end_column, np.isfinite(down) & (step > 0.0), cloud.pass_index),
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,7 +67,7 @@ class Plate:
     fade: Shaped[Float, " n"]  # columns over which returns become rare towards the last one
     below: Shaped[Float, "n 2"]  # from the last return of the bevel to that of the root face, inwards and down; NaN
     outwards: Shaped[Int, " n"]  # column of the innermost return, below 0 where the groove lies towards column 0
-    cut: Shaped[Bool, " n"]  # whether a dark column ends what is seen: `end` or `last`, NaN then
+    cut: Shaped[Bool, " n"]  # whether a dark column, or what is nearer, ends what is seen: `end` or `last`, NaN then
     parted_mm: float  # `Side.parted_mm` of most profiles; NaN: fewer than a third show something there
 
     @property
@@ -325,14 +325,19 @@ def _outwards(view: _View, index: Sequence[int]) -> Int:
     return np.array([of[i] * (1 if up else -1) for of, i, up in zip(view.read.columns, index, rises, strict=True)])
 
 
-def _hidden_by_nearer(view: _View) -> Bool:
-    """Profiles (n,) in which something between the plates, nearer to the sensor, follows the last return of one."""
-    out, way = np.zeros(len(view.sides), bool), (1, -1)[view.which]
+def _ends(view: _View) -> Iterator[tuple[int, Int, Side, int]]:
+    """Of each profile its number, its points' columns, the plate, and the other plate's innermost return."""
     for k, (columns, side, other) in enumerate(
         zip(view.read.columns, view.sides, view.read.sides[1 - view.which], strict=True)
     ):
-        next_ = other.below[(0, -1)[view.which]] if other.below.size else other.last
-        if not side.below.size and way * (int(next_) - side.last) > NEARER_RETURNS:
+        yield k, columns, side, int(other.below[(0, -1)[view.which]]) if other.below.size else other.last
+
+
+def _hidden_by_nearer(view: _View) -> Bool:
+    """Profiles (n,) in which something between the plates, nearer to the sensor, follows the last return of one."""
+    out, way = np.zeros(len(view.sides), bool), (1, -1)[view.which]
+    for k, columns, side, next_ in _ends(view):
+        if not side.below.size and way * (next_ - side.last) > NEARER_RETURNS:
             at = columns[side.last + way * np.arange(NEARER_RETURNS + 1)]
             above = view.read.up * (view.cloud.z_mm[k, at[1:]] - view.cloud.z_mm[k, at[0]])
             out[k] = above.min() > NEARER_MM and above.max() < FARTHEST_MM
@@ -342,11 +347,8 @@ def _hidden_by_nearer(view: _View) -> Bool:
 def _next_up(view: _View) -> Float:
     """`Plate.next_up` (n,) of a side."""
     out = np.full(len(view.sides), np.nan)
-    for k, (columns, side, other) in enumerate(
-        zip(view.read.columns, view.sides, view.read.sides[1 - view.which], strict=True)
-    ):
-        next_ = other.below[(0, -1)[view.which]] if other.below.size else other.last
-        between = abs(int(next_) - side.last) - 1
+    for k, columns, side, next_ in _ends(view):
+        between = abs(next_ - side.last) - 1
         blank = abs(int(columns[next_]) - int(columns[side.last])) - 1 - between
         if not side.below.size and between <= MOST_BETWEEN and blank <= ADJOINS_COLUMNS:
             z = view.read.up * view.cloud.z_mm[k, columns[min(next_, side.last) : max(next_, side.last) + 1]]

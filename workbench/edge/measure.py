@@ -23,6 +23,7 @@ from workbench.errors import InputError
 from workbench.geometry.along import between, by_pass, in_order
 from workbench.geometry.course import BIN_MM, LEAST_BINS, Course, fit_course
 from workbench.geometry.curves import Curve, along_motion, fit_curve
+from workbench.geometry.fading import faded_columns
 from workbench.geometry.poses import in_planes
 from workbench.geometry.processes import ROUGH
 from workbench.geometry.sections import SectionLines, crossing, on_line, section_lines
@@ -54,7 +55,6 @@ class Faces:
     root_course: Course  # direction of the root face, rad
     bevel_course: Course  # direction of the bevel face, rad
     opening_course: Course  # angle between both, rad, as each frame shows it
-    waves_u: float  # of both directions, that the courses do not follow, rad
     own: Shaped[Bool, " N"]  # frames that show the root face's own direction: no burr turns its line
     follows: float  # how likely it is that the angle between the faces runs smoothly, rather than the root face alone
 
@@ -245,10 +245,19 @@ def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, tur
     root_course = fit_course(s_root, root_angle, variance, group, shared=ROUGH)
     opening_course = fit_course(s_root, root_angle - bevel_course.value(s_root), variance, group, shared=ROUGH)
     follows = 1.0 / (1.0 + math.exp(np.clip(root_course.log_evidence - opening_course.log_evidence, -50.0, 50.0)))
-    root_left = np.where(own[of], root_angle - root_course.value(np.nan_to_num(s_root)), np.nan)
-    bevel_left = bevel_angle[of] - bevel_course.value(np.nan_to_num(bevel.s[of]))
-    waves = math.hypot(slow_waves_u(s_root, root_left, group), slow_waves_u(bevel.s[of], bevel_left, group))
-    return Faces(root, bevel, turns, root_course, bevel_course, opening_course, waves, own, follows)
+    return Faces(root, bevel, turns, root_course, bevel_course, opening_course, own, follows)
+
+
+def rocking_u(faces: Faces, pass_index: Int) -> float:
+    """Standard uncertainty of the bevel angle, rad, by waves of both directions that their courses do not follow."""
+    found = 0.0
+    for lines, turn, course, own in (
+        (faces.root, faces.turns[0], faces.root_course, faces.own),
+        (faces.bevel, faces.turns[1], faces.bevel_course, np.isfinite(faces.bevel.s)),
+    ):
+        left = wrapped(lines.angle - turn - course.value(np.nan_to_num(lines.s)))
+        found = math.hypot(found, slow_waves_u(lines.s, np.where(own, left, np.nan), pass_index))
+    return found
 
 
 def _state(
@@ -392,6 +401,8 @@ def _as_ends(
     shown = size.frame_factor * (ends.sigma**2 + column) - column
     sigma = np.sqrt(np.maximum(np.maximum(ends.sigma**2 * excess, shown), LEAST_SIGMA_MM**2))
     freed = settled(upper_s, ends.low, ends.step, sigma, tracked.end_column, cloud.pass_index)
+    silhouette = np.isfinite(ends.low) & (ends.step > 0.0)
+    fade = faded_columns(cloud.z_mm, tracked.end_column, silhouette, cloud.pass_index)
     on = in_order(upper_s, freed.low, freed.sigma)
     return Ends(
         upper_s[on],
@@ -399,7 +410,7 @@ def _as_ends(
         freed.step[on],
         np.maximum(freed.sigma[on], LEAST_SIGMA_MM),
         ends.missing[on],
-        ends.fade[on],
+        fade[on],
         share * freed.weight[on] * weights(upper_s[on], broken.doubt_mm[on]),
         freed.doubt[on],
     )

@@ -25,7 +25,7 @@ from workbench.checks.faces import bows_check, corners_checks, plates_check, req
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check, judged_by
 from workbench.checks.profiles import in_order
-from workbench.edge.broken_end import broken_end, is_free_end, not_sharp, root_rim
+from workbench.edge.broken_end import NOT_SHARP, broken_end, is_free_end, root_rim
 from workbench.edge.column_errors import declared_linearity, without_column_errors
 from workbench.edge.directions import near_slope, wrapped
 from workbench.edge.end_templates import EdgeCondition
@@ -125,11 +125,12 @@ def segment_preparation(
     checks = [columns, *_checks(cloud, frames, root_nominal_mm, limits)]
     refuse_failed(checks, *_refused(cloud, frames))
     rounding = broken_end(cloud, root_rim(frames.tracked), is_free_end(frames.tracked), edge_condition)
-    rim = rounding.rim_mm
+    rim, notes = rounding.rim_mm, (NOT_SHARP,) if rounding.contradicts else ()
+    condition: EdgeCondition = "unknown" if rounding.contradicts else edge_condition
     if rounding.size_mm > 0.0:
         frames = frames_of(cloud, plates, rim)
         face_end = root_rim(frames.tracked, rim)
-        rounding = broken_end(cloud, face_end, is_free_end(frames.tracked), edge_condition)
+        rounding = broken_end(cloud, face_end, is_free_end(frames.tracked), condition)
     checks.append(edge_break_check(rounding.size_mm, limits))
     refuse_failed(checks, *_refused(cloud, frames))
     try:
@@ -163,7 +164,7 @@ def segment_preparation(
         base_from_profiler=cloud.base_from_profiler,
         pass_index=cloud.pass_index,
         part=cloud.part,
-        warnings=(*not_sharp(edge_condition, rounding), *edge.warnings),
+        warnings=(*notes, *edge.warnings),
         checks=(*cloud.checks, *checks, ends),
         unseen=by_window(ends),
     )

@@ -32,7 +32,7 @@ from workbench.checks.faces import plates_check
 from workbench.checks.limits import judged_by
 from workbench.checks.residuals import FaceAlong, Late, every_second, late_check, late_of
 from workbench.checks.window import end_step_check
-from workbench.edge.broken_end import not_sharp, together_along
+from workbench.edge.broken_end import NOT_SHARP, together_along
 from workbench.edge.column_errors import ColumnErrors, Linearity, declared_linearity, notes_of, without_column_errors
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.groove_frames import two_plates_share
@@ -138,7 +138,8 @@ def segment_raw(
     checks += (*_lies_on(found), fixed_end_check(cloud, ends, int(found.seen.sum())))
     declared = RawDeclared(linearity, errors, robot, end_u_mm, robot_drift_u_mm)
     edge = _edge(cloud, found, measured, late, declared)
-    notes = *not_sharp(edge_condition, measured.lower.broken, measured.upper.broken), *edge.warnings, *lies.warnings
+    contradicted = measured.lower.broken.contradicts or measured.upper.broken.contradicts
+    notes = *((NOT_SHARP,) if contradicted else ()), *edge.warnings, *lies.warnings
     return replace(edge, checks=(*edge.checks, *checks), warnings=(*notes, *notes_of(errors)))
 
 

@@ -21,7 +21,7 @@ from workbench.checks.limits import judged_by
 from workbench.checks.residuals import FaceAlong, late_of
 from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import end_step_check
-from workbench.edge.broken_end import BrokenEnd, broken_end, is_free_end, not_sharp, root_rim, together_along, weights
+from workbench.edge.broken_end import NOT_SHARP, BrokenEnd, broken_end, is_free_end, root_rim, together_along, weights
 from workbench.edge.certified import certified, certified_linearity
 from workbench.edge.column_errors import ColumnErrors, Linearity, declared_linearity, notes_of, without_column_errors
 from workbench.edge.end_templates import EdgeCondition
@@ -29,7 +29,7 @@ from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.identify import CONTEXT
 from workbench.edge.lower_fillet import LIT_COLUMNS, lower_fillet
-from workbench.edge.measure import LEAST_WEIGHT, UNDETERMINED, Measured, face_turns, measure_edge
+from workbench.edge.measure import LEAST_WEIGHT, UNDETERMINED, Measured, face_turns, measure_edge, rocking_u
 from workbench.edge.on_table import under_u_mm
 from workbench.edge.parameters import (
     STATION_MM,
@@ -139,9 +139,11 @@ def segment(
     rounding = _broken_end(cloud, tracked, 0.0, edge_condition)
     context = context._replace(rim_mm=max(context.rim_mm, rounding.size_mm))
     checks = (columns, *require_bevel(cloud, tracked.labels, context, limits))
+    notes = (NOT_SHARP,) if rounding.contradicts else ()
+    condition: EdgeCondition = "unknown" if rounding.contradicts else edge_condition
     if rounding.size_mm > 0.0:
         tracked = find(cloud, rim_mm=rounding.rim_mm)
-        rounding = _broken_end(cloud, tracked, rounding.rim_mm, edge_condition)
+        rounding = _broken_end(cloud, tracked, rounding.rim_mm, condition)
     free = is_free_end(tracked)
     checks = (*checks, edge_break_check(rounding.size_mm, limits), end_step_check(tracked.end_column[free], limits))
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
@@ -157,10 +159,9 @@ def segment(
     doubts += by_window(ends)
     doubts += [COMPOUND] if _value(checks, FURTHER) else []
     doubts += [BY_BACKING] if _value(checks, BEHIND) else []
-    doubts += unseen_of(cloud, tracked, edge, is_sharp=edge_condition == "sharp")
+    doubts += unseen_of(cloud, tracked, edge, is_sharp=condition == "sharp")
     unseen = by_thickness(cloud, tracked, edge, doubts, thickness_mm)
-    edge = replace(edge, unseen=unseen, checks=(*edge.checks, ends))
-    edge = replace(edge, warnings=(*not_sharp(edge_condition, rounding), *edge.warnings))
+    edge = replace(edge, unseen=unseen, checks=(*edge.checks, ends), warnings=(*notes, *edge.warnings))
     return certified(edge, sensor_dcc, thermometer_dcc, temperature_c)
 
 
@@ -248,7 +249,8 @@ def milled_edge(
     end = _end_terms(cloud, tracked, measured, measured.broken, at, lower_form, declared.end_u_mm)
     ledge_mm = ledge_takes_mm(_value(checks, "close_stands_out_mm"), corrected_angles(measured, at + measured.shift)[1])
     end = end._replace(hidden_u_mm=np.hypot(end.hidden_u_mm, ledge_mm))
-    root, bevel = sizes(measured, at, tangent_u, root_form, bevel_form, end)
+    rocking = rocking_u(measured.faces, cloud.pass_index)
+    root, bevel = sizes(measured, at, tangent_u, root_form, bevel_form, end, rocking)
     notes: tuple[str, ...] = ()
     if rounding.size_mm > 0.0:
         sentence = FILLETED if tracked.end_is_corner[tracked.seen].all() else ROUNDED

@@ -34,10 +34,12 @@ def sizes(
     root_form: FaceForm,
     bevel_form: FaceForm,
     end: EndTerms,
+    rocking_u: float,
 ) -> tuple[Quantity, Quantity]:
     """Root face and bevel angle at arc lengths `at` (m,) of the lower edge.
 
-    tangent_u (m,) rad; root_form, bevel_form: what lasts in the residuals of both faces.
+    tangent_u (m,) rad; root_form, bevel_form: what lasts in the residuals of both faces; rocking_u: of the angle
+    between them, by waves of both that are not followed, rad.
     """
     s = at + measured.shift
     tilt_u, bevel_u, angle_u = direction_u(measured, s, root_form.turn_u, bevel_form.turn_u)
@@ -63,7 +65,7 @@ def sizes(
     }
     unseen_mm = np.hypot(end.broken_u_mm, end.hidden_u_mm)
     angle = {
-        DIRECTIONS: np.sqrt(angle_u**2 + drift_u**2 + measured.faces.waves_u**2),
+        DIRECTIONS: np.sqrt(angle_u**2 + drift_u**2 + rocking_u**2),
         TANGENT: tangent_u * leverage,
         FORM: np.sqrt(root_form.turn_u**2 + bevel_form.turn_u**2 + (root_form.bowed * unseen_mm) ** 2),
     }

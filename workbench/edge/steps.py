@@ -397,7 +397,10 @@ def burr_stations(s: Float, at: Float, *burred: Bool) -> Int:
 def slow_waves_u(s: Float, left: Float, pass_index: Int) -> float:
     """As `waves_u`, of the means over AVERAGED_MM: what fewer frames share is averaged out along the edge."""
     on = np.isfinite(s + left)
-    cell = np.unique(np.stack([pass_index[on], stretches(s[on], AVERAGED_MM)]), axis=1, return_inverse=True)[1].ravel()
+    if not on.any():
+        return 0.0
+    along = stretches(s[on], AVERAGED_MM)
+    _, cell = np.unique(pass_index[on] * (along.max() + 1) + along, return_inverse=True)
     count = np.bincount(cell)
     place, mean, group = (np.bincount(cell, of[on]) / count for of in (s, left, pass_index))
     return waves_u(place, mean, group.astype(np.int64), 0.0)

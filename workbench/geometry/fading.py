@@ -7,6 +7,7 @@ then lies some columns before the end, and behind it more are missing than elsew
 from __future__ import annotations
 
 import functools
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -14,13 +15,13 @@ from scipy.special import betaln
 
 from workbench.geometry.along import by_pass
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Float, Int, Shaped
+from workbench.units import AnyArray, Bool, Float, Int, Shaped
 
 FADES = (0.0, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)  # columns
 NONE = 0.5  # columns: over less nothing fades, since the last one before the end lies half of one off it
 PRIOR, OTHERWISE = 0.1, 0.01  # probability that returns fade at all; that they go missing in another manner
 BEHIND, REACH, COLUMNS = 8, 24, 40  # columns behind the last return: that tell it, that tell what is usual; of the sums
-LEAST_FRAMES, MOST_FRAMES = 30, 300  # of a pass; frames that count: neighbours see the same soot
+LEAST_FRAMES, MOST_FRAMES, LOOKED_AT = 30, 300, 1000  # of a pass; that count, as neighbours see the same soot
 DARK = 0.1  # of the frames in which a column returns at least, that is not blind
 
 
@@ -38,7 +39,7 @@ def returns_share(column: int, fade: float) -> float:
     return 1.0 if column + 0.5 >= fade else (column + 0.5) / fade
 
 
-def faded_columns(z_mm: AnyArray, outwards: Shaped[Int, " N"], seen: Shaped[AnyArray, " N"], pass_index: Int) -> Float:
+def faded_columns(z_mm: AnyArray, outwards: Shaped[Int, " N"], seen: Shaped[Bool, " N"], pass_index: Int) -> Float:
     """Over how many columns before its end a face fades (N,), by pass; 0: its returns end at once.
 
     Args:
@@ -59,6 +60,7 @@ def faded_columns(z_mm: AnyArray, outwards: Shaped[Int, " N"], seen: Shaped[AnyA
         mine = of_pass[seen[of_pass]]
         if mine.size < LEAST_FRAMES:
             continue
+        mine = mine[:: math.ceil(mine.size / LOOKED_AT)]
         returned = np.isfinite(z_mm[mine])
         at = np.abs(outwards[mine])[:, None] - np.sign(outwards[mine])[:, None] * np.arange(1, REACH + 1)
         inside = (at >= 0) & (at < returned.shape[1])

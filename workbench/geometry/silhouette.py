@@ -34,7 +34,7 @@ BLOCKS = 60  # of a pass, by whose middle columns it is told whether the end pas
 PASSED = 5.0  # odds, for each column passed, that the columns moved against a smooth end: noise to a column's step
 STRAY = 0.01  # probability that a frame's last return tells nothing about the end
 MISSES = 6  # columns of the face that may have gone without return at its end, beside those over which it fades
-QUARTER = 0.25  # of what a fading end hides: u of that, since it need not fade evenly
+FADED = 0.25  # of what a fading end hides: u of that, since it need not fade evenly
 LEAST_CELLS = 20  # of BIN_MM of edge, or parts of a short one
 GRID = 161  # places of the end about the course
 REACH_STEPS, REACH_SIGMAS = 1.5, 6.0  # half width of that grid
@@ -213,7 +213,7 @@ def _doubted(course: Course, place: Float, ends: Ends, cell: Int, beyond: Float)
     doubt = np.interp(course.at_mm, place, np.bincount(cell, ends.doubt) / count)
     more = doubt * (np.interp(course.at_mm, place, other) - course.variance)
     hidden = np.bincount(cell, beyond) / count
-    faded = (QUARTER * np.interp(course.at_mm, place, hidden)) ** 2
+    faded = (FADED * np.interp(course.at_mm, place, hidden)) ** 2
     return replace(course, variance=course.variance + np.maximum(more, 0.0) + faded)
 
 

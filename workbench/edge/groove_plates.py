@@ -33,8 +33,7 @@ COVERED = 0.34  # of profiles in which something joins a plate's end, from which
 ADJOINS_COLUMNS, ADJOINS_RETURNS = 2, 3  # at most between the plates' ends, where these lie side by side in the view
 MOST_BETWEEN = DROP_POINTS + SHARED + 1  # as few do not tell a weld; they join the ends where none lies deeper
 LAST_COLUMNS = 20  # of a face, among which those without return are counted
-# What hides an end: so far above the last return (farther is no body in the window), so many returns in a row.
-NEARER_MM, FARTHEST_MM, NEARER_RETURNS = 0.5, 60.0, 3
+NEARER_MM, NEARER_RETURNS = 0.5, 3  # what hides an end: so much above the last return, so many returns of it in a row
 THIRD = 3  # return beyond an upper surface's end
 NEAR_RETURNS = 30  # of an upper surface, that tell how far apart its returns lie
 RADIUS_MM = 4.0  # of a fillet, before one is known
@@ -340,7 +339,7 @@ def _hidden_by_nearer(view: _View) -> Bool:
         if not side.below.size and way * (next_ - side.last) > NEARER_RETURNS:
             at = columns[side.last + way * np.arange(NEARER_RETURNS + 1)]
             above = view.read.up * (view.cloud.z_mm[k, at[1:]] - view.cloud.z_mm[k, at[0]])
-            out[k] = above.min() > NEARER_MM and above.max() < FARTHEST_MM
+            out[k] = above.min() > NEARER_MM
     return out
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.edge.broken_end import end_groups, together_log
+from workbench.edge.broken_end import together_log
 from workbench.edge.end_templates import (
     PRIORS,
     Depths,
@@ -18,6 +18,7 @@ from workbench.edge.end_templates import (
     rendered_end,
     seen_end,
 )
+from workbench.edge.last_returns import end_groups
 from workbench.geometry.course import shares
 from workbench.units import DEG
 

@@ -14,9 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.artefacts import BEVEL_FACE, ROOT_FACE, UPPER_SURFACE, Cloud
+from workbench.artefacts import Cloud
 from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import hidden_columns_u
+from workbench.edge.drawn_end import DrawnEnd, drawn_end
 from workbench.edge.end_templates import (
     ALL_RETURN,
     ALONE,
@@ -24,7 +25,6 @@ from workbench.edge.end_templates import (
     FILLS,
     FOOTPRINTS,
     INCIDENCE_PRIOR,
-    LAST,
     ONWARD,
     OTHERWISE,
     PRIORS,
@@ -43,26 +43,31 @@ from workbench.edge.end_templates import (
     reaches,
     seen_end,
 )
-from workbench.edge.faces import TrackedFaces
+from workbench.edge.last_returns import (
+    DEEP_MM,
+    DEPTH_U_MM,
+    LEAST_FRAMES,
+    LEAST_GROUPS,
+    STEP_MM,
+    FaceRim,
+    end_groups,
+    last_returns,
+    pattern_noise,
+    sampled,
+)
 from workbench.edge.lower_fillet import LowerFillet
-from workbench.geometry.blocks import as_input, evenly
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.course import CHANCE, LEAST_SHARED, fit_course, shares, stretches
-from workbench.geometry.end_face import BROKEN_MM
 from workbench.geometry.grids import dark_beyond
 from workbench.geometry.medians import medians
 from workbench.geometry.moves import arc_lengths_mm
 from workbench.geometry.poses import in_planes
-from workbench.kernels import kernel
-from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
+from workbench.units import DEG, AnyArray, Bool, Float, Int, Shaped
 
 FAINTEST = 1e-4  # share of the returns that may be fainter than what the sensor asks for: noise of the brightness
 NO_LIGHT = 0.1  # probability that a recorded brightness does not count the light of a pixel
-SAMPLE_FRAMES, LEAST_FRAMES = 480, 20  # of a pass, evenly over it; with fewer its depths tell nothing
-LEAST_GROUPS, DEEP_MM = 5, 3.0  # columns pooled one by one, then by tenths, up to this far from the end
-STEP_MM = 0.15  # between columns of one surface
 STILL = 3.0  # columns: where the end moves by less over the pass, its place within one is not all places in turn
-DEPTH_U_MM, LEAST_MEANS, PATTERN_PLACES = 0.0005, 8, 9
+LEAST_MEANS = 8
 FAR = 4.5  # times the median distance from the median: three standard deviations
 STEADY = 0.2 * DEG  # sway of the view by which the returns of a break go on by some micrometres more or less
 USUALLY_WITHIN = 0.3  # of the logarithm of a break's size along an edge
@@ -79,46 +84,6 @@ DARK_COLUMNS, SELDOM = np.arange(4, 24), 0.1  # beyond a face's end; share of th
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FaceRim:
-    """The free end of a face in each of N frames."""
-
-    face: FaceLines
-    side: Shaped[Float, " N"]  # +1 or -1: the end lies towards rising side * x
-    end_x_mm: Shaped[Float, " N"]  # x of the last return on the face's line
-    step_mm: Shaped[Float, " N"]  # between columns, along the face
-    sense: Shaped[Float, " N"]  # +1: z counts away from the sensor
-    on_line: bool  # where that return's ray meets the line, the end is told; False: at the return
-    left_out_mm: float = 0.0  # of the face before that end, along x, that its line does not rest on
-    adjacent: FaceLines | None = None  # the face that it meets in a corner
-    upper: FaceLines | None = None  # the surface beyond that one, square to the face
-
-
-def root_rim(tracked: TrackedFaces, left_out_mm: float = 0.0) -> FaceRim:
-    """The lower end of a milled edge's root face; left_out_mm: of it, along x, where its line was fitted elsewhere."""
-    root, bevel = tracked.faces[ROOT_FACE], tracked.faces[BEVEL_FACE]
-    sense = np.sign(tracked.side * (root.slope - bevel.slope))  # they meet in a convex corner
-    return FaceRim(
-        root,
-        tracked.side,
-        tracked.root_end[:, 0],
-        tracked.root_end[:, 2],
-        sense,
-        True,
-        left_out_mm,
-        bevel,
-        tracked.faces[UPPER_SURFACE],
-    )
-
-
-def is_free_end(tracked: TrackedFaces) -> Bool:
-    """Frames (N,) in which nothing but its own edge ends the root face.
-
-    A return between it and what lies behind it is mostly far off its line; one that is not may be of a rounding.
-    """
-    return tracked.seen & ~(tracked.end_is_cut | tracked.end_is_burred | tracked.end_is_corner)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class BrokenEnd:
     """What the posterior over the templates says of N frames; zeros where the face's end is no free one."""
 
@@ -131,6 +96,7 @@ class BrokenEnd:
     share: Shaped[Float, "t i"]  # of the templates under each incidence
     seen: Mapping[int, SeenEnd]  # by pass
     own_mm: Shaped[Float, " N"]  # of `beyond_mm`, by how much more that is here than on average over the pass
+    drawn: DrawnEnd | None = None  # burrs at the end; None: none
     contradicts: bool = False  # whether it was declared sharp, and the returns prove that it is not
 
     @property
@@ -248,7 +214,8 @@ def broken_end(
     beyond, u, own = np.zeros((3, here.size))
     numbers = np.unique(cloud.pass_index[here])
     footprints = _footprints(cloud, rim, here)
-    looks = [_view(cloud, rim, here & (cloud.pass_index == p), footprints) for p in numbers]
+    burr = drawn_end(cloud, rim, here | rim.burred)
+    looks = [_view(cloud, rim, here & (cloud.pass_index == p), burr.is_proven, footprints) for p in numbers]
     views = [view for view, _ in looks]
     prior = PRIORS[condition]
     templates = end_templates(prior)
@@ -277,7 +244,9 @@ def broken_end(
     if corner is not None:
         size, rim_mm = max(size, corner.radius_mm), max(rim_mm, corner.rim_mm)
     hidden = np.where(here, _hidden_end_u_mm(cloud, rim.face), 0.0)
-    return BrokenEnd(beyond, u, hidden, size, rim_mm, u, share, dict(zip(numbers, seen, strict=True)), own)
+    drawn = burr if burr.rim_mm > 0.0 else None
+    rim_mm = max(rim_mm, burr.rim_mm)
+    return BrokenEnd(beyond, u, hidden, size, rim_mm, u, share, dict(zip(numbers, seen, strict=True)), own, drawn)
 
 
 def _posterior(
@@ -429,7 +398,7 @@ def _footprints(cloud: Cloud, rim: FaceRim, here: Bool) -> Float:
 
 def _bluntness(cloud: Cloud, rim: FaceRim, adjacent: FaceLines, here: Bool) -> tuple[float, float]:
     """What is cut off the corner of two faces in the columns that see it, in columns times the fold; and its u."""
-    face, frames = rim.face, _sampled(here & (np.minimum(rim.face.count, adjacent.count) > LEAST_GROUPS))
+    face, frames = rim.face, sampled(here & (np.minimum(rim.face.count, adjacent.count) > LEAST_GROUPS))
     if frames.size < LEAST_FRAMES:
         return 0.0, 1.0
     x = cloud.x_mm[frames].astype(np.float64)
@@ -449,15 +418,10 @@ def _bluntness(cloud: Cloud, rim: FaceRim, adjacent: FaceLines, here: Bool) -> t
     return float(at.mean() - around.mean()), math.hypot(float(at.std()) / math.sqrt(at.size), CUT_U)
 
 
-def _sampled(frames: Bool) -> Int:
-    """Some of the frames (N,), evenly, where there are many: more of them say no more of the end's form."""
-    at = np.flatnonzero(frames)
-    return np.asarray(at[evenly(at.size, SAMPLE_FRAMES)])
-
-
-def _view(cloud: Cloud, rim: FaceRim, here: Bool, footprints: Float) -> tuple[EndView, EndFrames]:
+def _view(cloud: Cloud, rim: FaceRim, here: Bool, burred: Bool, footprints: Float) -> tuple[EndView, EndFrames]:
+    """What the frames `here` (N,) of a pass show of the break, where no burr hides it (N,)."""
     face = rim.face
-    frames = _sampled(here & (face.count > LEAST_GROUPS) & (face.sxx > 0.0))
+    frames = sampled(here & ~burred & (face.count > LEAST_GROUPS) & (face.sxx > 0.0))
     if frames.size < LEAST_FRAMES:
         frames = np.flatnonzero(here & (face.sxx > 0.0))
         step = float(np.median(rim.step_mm[frames])) if frames.size else 0.05
@@ -469,18 +433,13 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool, footprints: Float) -> tuple[En
         view = EndView(unknown, edges, math.atan(slope), step, phases, 0.0, 0.0, pixels)
         return view, EndFrames(frames[:0], np.zeros(0), np.zeros((0, LEAST_GROUPS)), edges)
     step = float(np.median(rim.step_mm[frames]))
-    slopes = face.slope[frames]
     slope = float(np.median(_recession(rim, frames)))
     width = float(np.median(np.sqrt(12.0 * face.sxx[frames] / face.count[frames]))) + rim.left_out_mm
     width *= math.hypot(1.0, slope)
-    line = [face.x_mean[frames], face.z_mean[frames], slopes, rim.side[frames], rim.end_x_mm[frames]]
-    line += [rim.step_mm[frames], rim.sense[frames]]
-    x, z, keep = (as_input(of[frames]) for of in (cloud.x_mm, cloud.z_mm, cloud.keep))
-    known_line, last, further = as_input(np.stack(line, axis=1)), np.full((frames.size, 2), np.nan), 0.0
+    further = 0.0
     for _ in range(2):  # groups reach over what nearly all frames show broken, as far back as the face was straight
         edges = end_groups(min(width, DEEP_MM) / step + further)
-        depth = np.full((frames.size, edges.size - 1), np.nan)
-        _last_returns(x, z, keep, known_line, as_input(edges), depth, last)
+        depth, last = last_returns(cloud, rim, frames, edges)
         further = float(np.percentile(last[:, 0], 5.0))
     # The lower surface may return in many of the frames: these say nothing of how the edge is broken.
     usual = float(np.percentile(last[:, 0], 25.0))
@@ -488,7 +447,7 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool, footprints: Float) -> tuple[En
     if usual >= LEAST_GROUPS:  # of a break that many columns show, how deep the last of them lies tells it, too
         deep = np.nan_to_num(depth[:, 0])
         alike &= deep <= 2.0 * max(float(np.percentile(deep, 25.0)), 0.0) + ONWARD[-1] * step
-    depth = _between(depth[alike])
+    depth = depth[alike]
     mostly = np.append(np.isfinite(depth).mean(axis=0) > 0.5, False)
     depth = depth[:, : int(mostly.argmin())]
     whole = np.isfinite(depth).all(axis=1)
@@ -587,88 +546,6 @@ def _recession(rim: FaceRim, frames: Int) -> Float:
     return np.asarray(rim.sense[frames] * rim.side[frames] * rim.face.slope[frames])
 
 
-def _between(depth: Float) -> Float:
-    """Depths (f, g) with what a frame does not show between two groups that it does: its returns may lie at the limits
-    of the groups, one by one on this side or that.
-    """
-    mean = 0.5 * (depth[:, :-2] + depth[:, 2:])
-    return np.concatenate([depth[:, :1], np.where(np.isnan(depth[:, 1:-1]), mean, depth[:, 1:-1]), depth[:, -1:]], 1)
-
-
-def end_groups(columns: float) -> Float:
-    """Limits (g + 1,), in columns before the last return, of what is pooled: LAST columns each alone, then tenths."""
-    if columns < LAST:  # beyond them lies the next face
-        return np.arange(max(math.floor(columns), 1) + 1.0)
-    wide = max(1.0, (columns - LAST) / 10.0)
-    return np.concatenate([np.arange(LAST), np.arange(LAST, columns + 1e-9, wide)])
-
-
-@kernel
-def _one_surface(along: Float, below: Float, order: Int, step: float, fallen: float) -> tuple[float, float]:
-    """How many returns go on in one surface, without gap of columns or jump, from an end `fallen` deep; how far."""
-    reach, level, further = 0.0, fallen, 0
-    for j in order:
-        if along[j] - reach > 2.2 * step or abs(below[j] - level) > STEP_MM + 2.0 * level:
-            break
-        further += 1
-        reach, level = along[j], max(below[j], 0.0)
-    return float(further), reach
-
-
-@kernel
-def _group_of(place: float, edges: Float) -> int:
-    """Number of the group between `edges` (g + 1,) in which a place lies; -1 before them."""
-    group = -1
-    while group + 1 < edges.size and edges[group + 1] <= place:
-        group += 1
-    return group
-
-
-@kernel
-def _last_returns(x: Float32, z: Float32, keep: Bool, known: Float, edges: Float, depth: Float, last: Float) -> None:
-    """Fill depth (f, g): mean depths under the line of f frames' returns, by how many columns they lie before the last.
-
-    known (f, 7): x and z of the line's middle, its slope, side, end, step and sense of a FaceRim. last (f, 2): how many
-    lie beyond those on the line, and how deep the last of these lies under it.
-    """
-    columns = x.shape[1]
-    along, below, order = np.empty(columns), np.empty(columns), np.empty(columns, np.int64)
-    for i in range(x.shape[0]):
-        middle_x, middle_z, slope, side = known[i, 0], known[i, 1], known[i, 2], known[i, 3]
-        end, step, sense = known[i, 4], known[i, 5], known[i, 6]
-        lean = math.sqrt(1.0 + slope * slope)
-        outside = 0
-        for j in range(columns):
-            xj, zj = np.float64(x[i, j]), np.float64(z[i, j])
-            along[j] = side * (xj - end) * lean
-            below[j] = (zj - middle_z - slope * (xj - middle_x)) / lean * sense
-            if keep[i, j] and abs(along[j]) <= 1e-6:
-                last[i, 1] = below[j]
-            if keep[i, j] and 1e-6 < along[j] < BROKEN_MM:
-                k = outside
-                while k > 0 and along[order[k - 1]] > along[j]:
-                    order[k] = order[k - 1]
-                    k -= 1
-                order[k] = j
-                outside += 1
-        # Where the end is told on a rounding, what falls to it and what follows it lie deep.
-        fallen = last[i, 1] if last[i, 1] > 0.0 else 0.0
-        deep = STEP_MM + fallen
-        last[i, 0], reach = _one_surface(along, below, order[:outside], step, fallen)
-        total, count = np.zeros(edges.size - 1), np.zeros(edges.size - 1)
-        for j in range(columns):
-            on_line = -edges[-1] * step < along[j] <= 1e-6
-            on_line &= -STEP_MM < below[j] < (deep if along[j] > -LAST * step else STEP_MM)
-            if keep[i, j] and (on_line or 1e-6 < along[j] <= reach):
-                group = _group_of((reach - along[j]) / step + 0.5, edges)
-                if 0 <= group < total.size:
-                    total[group] += below[j]
-                    count[group] += 1.0
-        for group in range(total.size):
-            if count[group] > 0.0:
-                depth[i, group] = total[group] / count[group]
-
-
 def _known_depths(depth: Float, edges_mm: Float) -> Depths:
     """Of depths (f, g) of frames, between the limits (g + 1,) mm before the last return."""
     level = np.sort(depth, axis=0)
@@ -677,16 +554,7 @@ def _known_depths(depth: Float, edges_mm: Float) -> Depths:
     low, high = level[cut], level[len(depth) - 1 - cut]
     clipped = np.clip(depth, low, high)
     noise = np.cov(clipped.T) * _alike(clipped) / len(depth)
-    middle = 0.5 * (edges_mm[1:] + edges_mm[:-1])
-    t = 2.0 * middle / edges_mm[-1] - 1.0
-    shapes = np.stack([np.ones_like(t), t, t * t - 1.0 / 3.0], axis=1)
-    inner = np.arange(t.size) >= min(LAST, t.size - 4)
-    weight = np.sqrt(np.diff(edges_mm)[inner])
-    fit = np.linalg.lstsq(shapes[inner] * weight[:, None], mean[inner] * weight, rcond=None)[0]
-    left = mean[inner] - shapes[inner] @ fit
-    pattern = float((left**2 - np.diag(noise)[inner]).sum()) / max(int(inner.sum()) - 3, 1)
-    far = np.abs(middle[:, None] - middle[None, :]) / (edges_mm[-1] / PATTERN_PLACES)
-    noise = noise + max(pattern, 0.0) * np.exp(-far) + DEPTH_U_MM**2 * np.eye(t.size)
+    noise = noise + pattern_noise(mean, noise, edges_mm)
     return Depths(mean, noise, free_depths(edges_mm))
 
 

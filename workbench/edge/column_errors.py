@@ -19,7 +19,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from workbench.artefacts import Cloud
-from workbench.edge.broken_end import SAMPLE_FRAMES
+from workbench.edge.last_returns import SAMPLE_FRAMES
 from workbench.geometry.along import by_pass
 from workbench.geometry.blocks import evenly
 from workbench.geometry.chains import FaceLines

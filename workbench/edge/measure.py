@@ -90,6 +90,8 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces, broken: BrokenEnd | None =
     a fifth of what is averaged apart.
     """
     broken = broken or whole_end(len(tracked.seen))
+    if broken.drawn is not None:  # where the burr begins shows the end of these frames
+        tracked = replace(tracked, end_is_burred=tracked.end_is_burred & ~broken.drawn.is_proven)
     corners, along = _corners(cloud, tracked)
     seen = tracked.seen & np.isfinite(corners).all(axis=1) & np.isfinite(along).all(axis=1)
     check_advance(cloud, corners[seen])
@@ -330,7 +332,13 @@ def _whole(
     """The ends, up to the virtual sharp edge; and what lies beyond them, by their places as well."""
     places = ends.low + 0.5 * ends.step
     agreed = broken.agreed(corner.upper_s, places, cloud.pass_index, tracked.end_is_corner)
-    return replace(ends, low=ends.low + agreed.beyond_mm), agreed
+    low = ends.low + agreed.beyond_mm
+    if broken.drawn is not None:
+        variance = ends.sigma**2 + ends.step**2 / 12.0
+        hangs = broken.drawn.hangs(corner.upper_s, places, variance, cloud.pass_index)
+        edge, u = broken.drawn.edge(hangs)
+        low, agreed = low + edge, replace(agreed, hidden_u_mm=np.hypot(agreed.hidden_u_mm, u))
+    return replace(ends, low=low), agreed
 
 
 def _corner(faces: Faces, s: Float, size: Float, size_slope: Float) -> FaceCorner:

@@ -16,10 +16,12 @@ import numpy as np
 import scipy
 
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
-from workbench.edge.broken_end import BrokenEnd, FaceRim, broken_end, weights, whole_end
+from workbench.edge.broken_end import BrokenEnd, broken_end, weights, whole_end
 from workbench.edge.directions import LOCAL_MM, TOGETHER_MM, go_together, near_slope, wrapped
+from workbench.edge.drawn_end import HANGS
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.frame_ends import missing_share
+from workbench.edge.last_returns import FaceRim
 from workbench.edge.measure import ASTRAY_MM, MOST_ROUNDS, check_advance, edge_direction
 from workbench.edge.raw_faces import GAP_MM, FaceEnds, RawFaces, middle_of, outward_of
 from workbench.edge.raw_local import local_mean
@@ -545,6 +547,9 @@ def _broken(cloud: Cloud, found: RawFaces, side: _Side, condition: EdgeCondition
     sense = np.full(here.size, found.sense)
     rim = FaceRim(face, -side.outward * found.side, ends.point[:, 0], ends.pitch * face.lean, sense, on_line=False)
     broken = broken_end(cloud, rim, here, condition)
+    if broken.drawn is not None:
+        edge, u = broken.drawn.edge(HANGS)
+        broken = replace(broken, beyond_mm=broken.beyond_mm + edge, hidden_u_mm=np.hypot(broken.hidden_u_mm, u))
     likewise = {name: getattr(broken, name).copy() for name in ("beyond_mm", "u_mm", "hidden_u_mm")}
     for p in np.unique(cloud.pass_index[here]):
         of_pass = here & (cloud.pass_index == p)

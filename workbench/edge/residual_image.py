@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import Cloud
-from workbench.edge.broken_end import SAMPLE_FRAMES
 from workbench.edge.column_errors import ColumnErrors, Linearity
+from workbench.edge.last_returns import SAMPLE_FRAMES
 from workbench.geometry.along import by_pass
 from workbench.geometry.blocks import as_input, evenly
 from workbench.geometry.chains import FaceLines

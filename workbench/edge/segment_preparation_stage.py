@@ -25,7 +25,7 @@ from workbench.checks.faces import bows_check, corners_checks, plates_check, req
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check, judged_by
 from workbench.checks.profiles import in_order
-from workbench.edge.broken_end import NOT_SHARP, broken_end, is_free_end, root_rim
+from workbench.edge.broken_end import NOT_SHARP, broken_end
 from workbench.edge.column_errors import declared_linearity, without_column_errors
 from workbench.edge.directions import near_slope, wrapped
 from workbench.edge.end_templates import EdgeCondition
@@ -33,6 +33,7 @@ from workbench.edge.extrapolated import name_extrapolated
 from workbench.edge.fillet import Fillet, fit_on_land, misfit_mm
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.joint_lines import Along, FaceLine, JointLines, Place, Values, corners, joined, meeting, typical
+from workbench.edge.last_returns import is_free_end, root_rim
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
 from workbench.edge.parameters import (
     USUAL_NOISE_MM,
@@ -127,7 +128,7 @@ def segment_preparation(
     rounding = broken_end(cloud, root_rim(frames.tracked), is_free_end(frames.tracked), edge_condition)
     rim, notes = rounding.rim_mm, (NOT_SHARP,) if rounding.contradicts else ()
     condition: EdgeCondition = "unknown" if rounding.contradicts else edge_condition
-    if rounding.size_mm > 0.0:
+    if rim > 0.0:
         frames = frames_of(cloud, plates, rim)
         face_end = root_rim(frames.tracked, rim)
         rounding = broken_end(cloud, face_end, is_free_end(frames.tracked), condition)

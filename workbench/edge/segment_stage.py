@@ -21,13 +21,14 @@ from workbench.checks.limits import judged_by
 from workbench.checks.residuals import FaceAlong, late_of
 from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import end_step_check
-from workbench.edge.broken_end import NOT_SHARP, BrokenEnd, broken_end, is_free_end, root_rim, together_along, weights
+from workbench.edge.broken_end import NOT_SHARP, BrokenEnd, broken_end, together_along, weights
 from workbench.edge.certified import certified, certified_linearity
 from workbench.edge.column_errors import ColumnErrors, Linearity, declared_linearity, notes_of, without_column_errors
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.identify import CONTEXT
+from workbench.edge.last_returns import is_free_end, root_rim
 from workbench.edge.lower_fillet import LIT_COLUMNS, lower_fillet
 from workbench.edge.measure import LEAST_WEIGHT, UNDETERMINED, Measured, face_turns, measure_edge, rocking_u
 from workbench.edge.on_table import under_u_mm
@@ -76,7 +77,10 @@ LIES_ON = (
     "the plate lies on what joins the root face's lower end: sizes are those to where both cross, and by how much the "
     "root face seems to end above it is in their uncertainty"
 )
-
+DRAWN_OUT = (
+    "a burr of up to {:.2f} mm rises out of the root face's lower end, {:.0f} to {:.0f} mm along it: sizes are those "
+    "to where it begins, unless it stands on the face itself: what that leaves open is in u"
+)
 LEDGE = "a part of the {} stands aside by {:.2f} mm, a step or second returns: sizes are those of its line without it"
 
 
@@ -137,11 +141,11 @@ def segment(
         cloud, tracked = better, find(better)
     context = view_context(cloud, tracked, root_nominal_mm, bevel_nominal_deg)
     rounding = _broken_end(cloud, tracked, 0.0, edge_condition)
-    context = context._replace(rim_mm=max(context.rim_mm, rounding.size_mm))
+    context = context._replace(rim_mm=max(context.rim_mm, rounding.size_mm, rounding.rim_mm))
     checks = (columns, *require_bevel(cloud, tracked.labels, context, limits))
     notes = (NOT_SHARP,) if rounding.contradicts else ()
     condition: EdgeCondition = "unknown" if rounding.contradicts else edge_condition
-    if rounding.size_mm > 0.0:
+    if rounding.rim_mm > 0.0:
         tracked = find(cloud, rim_mm=rounding.rim_mm)
         rounding = _broken_end(cloud, tracked, rounding.rim_mm, condition)
     free = is_free_end(tracked)
@@ -257,6 +261,10 @@ def milled_edge(
         notes = (sentence.format(rounding.size_mm, measured.broken.beyond_mm.max()),)
     if tracked.lies_on.any():
         notes += (LIES_ON,)
+    drawn_out = np.zeros(s_low.size, bool)
+    if rounding.drawn is not None and rounding.drawn.is_proven.any():
+        drawn_out = rounding.drawn.is_proven
+        notes += (DRAWN_OUT.format(rounding.drawn.mm.max(), *np.nanpercentile(s_low[drawn_out], [0.0, 100.0])),)
     faces = ("root face", root_form), ("bevel face", bevel_form)
     notes += tuple(LEDGE.format(name, one.part_offset_mm) for name, one in faces if one.part_offset_mm > OFFSETS_MM[0])
     course = measured.end.course
@@ -276,7 +284,7 @@ def milled_edge(
         normal=normal,
         across=across,
         seen=seen,
-        burr_stations=burr_stations(s_low, at, tracked.end_is_burred),
+        burr_stations=burr_stations(s_low, at, tracked.end_is_burred | drawn_out),
         checks=(*cloud.checks, *checks),
         root=root,
         bevel=bevel,

@@ -12,8 +12,8 @@ from workbench.artefacts.evidence import CUT_AWAY_MM, SCALE
 from workbench.checks.judge import TURNS_DEG
 from workbench.checks.residuals import UNSEEN_S
 from workbench.checks.window import PINNED
-from workbench.edge.broken_end import is_free_end
 from workbench.edge.faces import TrackedFaces
+from workbench.edge.last_returns import is_free_end
 from workbench.geometry.grids import columns_beyond, dark_beyond
 from workbench.geometry.poses import in_planes, rotation_from_vector
 from workbench.geometry.silhouette import MISSES

@@ -18,12 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.edge.broken_end import (
-    DEEP_MM,
-    DEPTH_U_MM,
-    SAMPLE_FRAMES,
     UNLIKELY,
     beyond_of,
-    end_groups,
     together_log,
     weights,
 )
@@ -44,6 +40,7 @@ from workbench.edge.end_templates import (
     rendered_end,
     seen_end,
 )
+from workbench.edge.last_returns import DEEP_MM, DEPTH_U_MM, SAMPLE_FRAMES, end_groups
 from workbench.edge.lower_fillet import LIT_COLUMNS
 from workbench.edge.residual_image import PLACES, SHRUNK, STRETCH_MM, FaceForm, FaceImage, SeenBy, forms
 from workbench.units import DEG, Float, Shaped

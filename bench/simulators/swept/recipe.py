@@ -56,12 +56,18 @@ class Spine(Strict):
 
 
 class EdgeBurr(Burr):
-    """Material along an edge: `in_plane` prolongs the root face beyond it, `out_of_plane` stands out of the face."""
+    """Material along an edge: `in_plane` prolongs the root face beyond it, `out_of_plane` stands out of the face.
+
+    `lean_deg`: by which what is in plane leans out of it; `begins`: share of the height at `from_mm`, from where on it
+    grows.
+    """
 
     direction: Literal["in_plane", "out_of_plane"] = "out_of_plane"
     height_mm: Annotated[float, Field(gt=0, le=2)] = 0.2
     width_mm: Annotated[float, Field(gt=0, le=2)] = 0.2
     ragged: Annotated[float, Field(ge=0, le=1)] = 0.5
+    lean_deg: Annotated[float, Field(ge=-45, le=45)] = 0.0
+    begins: Annotated[float, Field(ge=0, le=1)] = 1.0
 
 
 class Ghost(Strict):

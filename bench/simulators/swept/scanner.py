@@ -199,12 +199,14 @@ def _burr(part: SweptPart, curve: Curve, burr: EdgeBurr, rng: np.random.Generato
     edges = outline_of(part, s, curve.length).corner
     knots = rng.uniform(1 - burr.ragged, 1, max(2, math.ceil((burr.to_mm - burr.from_mm) / 0.7)))
     height = burr.height_mm * np.interp(s, np.linspace(burr.from_mm, burr.to_mm, len(knots)), knots)
-    height *= np.clip(np.minimum(s - s[0], s[-1] - s) / 0.5, 0, 1)
+    height *= np.clip(np.minimum(s - s[0], s[-1] - s) / 0.5, 0, 1) * np.linspace(burr.begins, 1.0, len(s))
     corner = edges[:, 1] if burr.edge == "lower" else edges[:, 2]
     down = -1.0 if burr.edge == "lower" else 1.0
     wide, zero = np.full(len(s), burr.width_mm), np.zeros(len(s))
     if burr.direction == "in_plane":  # prolongs the root face; behind it the ridge falls back to the plate
-        ring = [(zero, -down * 0.02 + zero), (zero, down * height), (-wide, zero)]
+        lean = np.radians(burr.lean_deg)
+        ring = [(zero, -down * 0.02 + zero), (zero, zero), (height * np.sin(lean), down * height * np.cos(lean))]
+        ring += [(-wide, zero)]
     else:
         ring = [(zero, -down * wide), (height, zero), (zero, zero)]
     points = np.stack([corner + np.stack(p, axis=1) for p in ring], axis=1)

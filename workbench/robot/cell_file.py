@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from workbench.geometry.poses import is_rigid, pose_from, rotation_from_quaternion
+from workbench.geometry.poses import RIGID, is_rigid, pose_from, rotation_from_quaternion
 from workbench.parameters import INDEXED, NAME
 from workbench.robot.makers import Make
 from workbench.robot.wrist import Side, refuse_contradiction
@@ -52,7 +52,20 @@ class Placed(_Part):
         return self
 
 
-Pose = Placed | Matrix  # or the 4x4 matrix `a_from_b`, row-major
+def _matrix(pose: Placed | Matrix) -> Float:
+    if isinstance(pose, Placed):
+        q = np.array(pose.quaternion_wxyz)
+        return pose_from(rotation_from_quaternion(q / np.linalg.norm(q)), np.array(pose.position_mm))
+    matrix = np.array(pose, float)
+    if not is_rigid(matrix):
+        raise ValueError(RIGID)
+    return matrix
+
+
+if TYPE_CHECKING:
+    Pose = Float  # (4, 4), whichever way the file gives it
+else:
+    Pose = Annotated[Placed | Matrix, AfterValidator(_matrix)]  # or the 4x4 matrix `a_from_b`, row-major
 
 
 class RobotPart(_Part):
@@ -94,7 +107,11 @@ class RobotPart(_Part):
 class ShapePart(_Part):
     """A collision shape: exactly one of its kinds, and where it is."""
 
-    pose: Pose = Field(default=Placed(), description="of the shape's middle, in the frame of what it belongs to")
+    pose: Pose = Field(
+        default=Placed(),
+        validate_default=True,
+        description="of the shape's middle, in the frame of what it belongs to",
+    )
     box_mm: tuple[Size, Size, Size] | None = Field(default=None, description="edge lengths along x, y, z")
     capsule_mm: tuple[Size, Size] | None = Field(
         default=None, description="radius, and length along z without the caps"
@@ -217,7 +234,11 @@ class TrackPart(_Part):
 class WorkpiecePart(_Part):
     """The workpiece on the turntable, or on the base where there is none."""
 
-    pose: Pose = Field(default=Placed(), description="of the mesh's frame, in the turntable's frame (or the base)")
+    pose: Pose = Field(
+        default=Placed(),
+        validate_default=True,
+        description="of the mesh's frame, in the turntable's frame (or the base)",
+    )
     mesh: str | None = Field(
         default=None, description="an STL, OBJ or PLY file in mm, or a cloud (PLY, PCD, XYZ); null: nothing to run into"
     )
@@ -284,7 +305,7 @@ class WorkObjectPart(_Part):
         max_length=32,
         description="of the frame as measured on the controller; null: the program declares it",
     )
-    pose: Pose = Field(default=Placed(), description="of the frame in the base")
+    pose: Pose = Field(default=Placed(), validate_default=True, description="of the frame in the base")
 
 
 class LoadingPart(_Part):
@@ -436,15 +457,6 @@ class CellPart(_Part):
     process: ProcessPart | None = Field(
         default=None, description="null: a program mills only, and says NOT CHECKED (exit status 1)"
     )
-
-
-def matrix_of(pose: Pose) -> Float | None:
-    """The 4x4 matrix of a pose in the file; None: it is not a rigid motion."""
-    if isinstance(pose, Placed):
-        q = np.array(pose.quaternion_wxyz)
-        return pose_from(rotation_from_quaternion(q / np.linalg.norm(q)), np.array(pose.position_mm))
-    matrix = np.array(pose, float)
-    return matrix if is_rigid(matrix) else None
 
 
 def stated(part: CellPart, place: str) -> Any:

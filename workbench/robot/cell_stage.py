@@ -9,14 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from workbench.errors import InputError, PipelineError, nearest
-from workbench.geometry.poses import RIGID, inverse, pose_from
+from workbench.geometry.poses import inverse, pose_from
 from workbench.parameters import check_parameters
 from workbench.robot.cell_file import (
     AxisPart,
     CellPart,
     EnvelopePart,
     LoadingPart,
-    Pose,
     RobotPart,
     ShapePart,
     TrackPart,
@@ -24,7 +23,6 @@ from workbench.robot.cell_file import (
     UncertaintyPart,
     WorkObjectPart,
     WorkpiecePart,
-    matrix_of,
     stated,
 )
 from workbench.robot.cell_model import (
@@ -111,7 +109,7 @@ def read_cell(path: Path) -> Cell:
     external = _external(part, path)
     rails = [(one, base.body) for one in sorted(before) for base in links if base.link == 0 and base.body not in before]
     links = tuple(_on_floor(shape, external) if shape.body in before else shape for shape in links)
-    cutter = _pose(part.tool.flange_from_cutter, f"{path}: $.tool.flange_from_cutter")
+    cutter = part.tool.flange_from_cutter
     tool = [
         _shape(shape, shape.body, 6, chain.base_from_flange_at_zero, f"{path}: $.tool.shapes[{i}]", path)
         for i, shape in enumerate(part.tool.shapes)
@@ -125,10 +123,8 @@ def read_cell(path: Path) -> Cell:
     srdf = {} if robot.srdf is None else disabled_pairs(path.parent / robot.srdf)
     disabled = {pair: why for pair, why in srdf.items() if known.issuperset(pair)}
     check_plausible(part, f"{path}: $")
-    if part.controller is not None and part.controller.world_from_base is not None:
-        _pose(part.controller.world_from_base, f"{path}: $.controller.world_from_base")
     warnings = (spindle_warning(cutter), _inverse_warning(chain))
-    tools, frames = _on_controller(part, cutter, path)
+    tools, frames = _on_controller(part)
     made = JudgedCell(
         source=str(path),
         title=part.title or chain.name,
@@ -136,7 +132,7 @@ def read_cell(path: Path) -> Cell:
         shapes=shapes,
         flange_from_cutter=cutter,
         turntable=external,
-        loading=_loading(part.loading, path),
+        loading=_loading(part.loading),
         may_touch=(*part.may_touch, *disabled, *rails),
         unseen=tuple(
             f"collision of {one} and {other}: the SRDF lets them touch ({why})"
@@ -154,7 +150,7 @@ def read_cell(path: Path) -> Cell:
         configuration=tuple(part.robot.configuration),
         tool_mass_kg=part.tool.mass_kg,
         tool_centre_of_gravity_mm=_array(part.tool.centre_of_gravity_mm),
-        base_from_workobject=_pose((part.work_object or WorkObjectPart()).pose, f"{path}: $.work_object.pose"),
+        base_from_workobject=(part.work_object or WorkObjectPart()).pose,
         repeatability_mm=part.robot.repeatability_mm,
         spindle=part.tool.spindle,
         material=part.workpiece.material,
@@ -226,13 +222,13 @@ def _array(values: tuple[float, ...] | None, unit: float = 1.0) -> Float | None:
     return None if values is None else np.array(values) * unit
 
 
-def _on_controller(part: CellPart, cutter: Float, path: Path) -> tuple[dict[str, Float], dict[str, Float]]:
+def _on_controller(part: CellPart) -> tuple[dict[str, Float], dict[str, Float]]:
     """Tools (by the cutter's tip) and frames that the controller has under a name."""
     tool, place = part.tool.controller_name, part.work_object
-    tools = {} if tool is None else {tool: cutter}
+    tools = {} if tool is None else {tool: part.tool.flange_from_cutter}
     if place is None or place.controller_name is None:
         return tools, {}
-    return tools, {place.controller_name: _pose(place.pose, f"{path}: $.work_object.pose")}
+    return tools, {place.controller_name: place.pose}
 
 
 def _not_said(part: CellPart, shapes: tuple[Shape, ...]) -> Iterator[str]:
@@ -320,7 +316,7 @@ def _around(part: CellPart, external: Turntable | None, path: Path) -> list[Shap
 
 def _workpiece(part: WorkpiecePart, link: int, parent: Float, path: Path) -> list[Shape]:
     assert part.mesh is not None
-    where, pose = f"{path}: $.workpiece.mesh", parent @ _pose(part.pose, f"{path}: $.workpiece.pose")
+    where, pose = f"{path}: $.workpiece.mesh", parent @ part.pose
     points, triangles = read_workpiece(path.parent / part.mesh, where)
     if len(triangles):
         return [Shape("workpiece", link, "mesh", (), pose, points, triangles)]
@@ -328,7 +324,7 @@ def _workpiece(part: WorkpiecePart, link: int, parent: Float, path: Path) -> lis
 
 
 def _shape(part: ShapePart, body: str, link: int, parent: Float, where: str, path: Path) -> Shape:
-    pose = parent @ _pose(part.pose, f"{where}.pose")
+    pose = parent @ part.pose
     if part.mesh is not None:
         vertices, triangles = read_mesh(path.parent / part.mesh, f"{where}.mesh")
         check_size(vertices, path.parent / part.mesh, f"{where}.mesh")
@@ -364,7 +360,7 @@ def _external(part: CellPart, path: Path) -> Turntable | None:
     if home is not None and home.tilt_deg is not None and (part.turntable is None or part.turntable.tilt is None):
         raise InputError(f"{path}: $.process.home.tilt_deg", "expected null, the cell's turntable has no tilt")
     if part.track is None:
-        return None if part.turntable is None else _turntable(part.turntable, path)
+        return None if part.turntable is None else _turntable(part.turntable)
     if part.turntable is not None:
         raise InputError(
             f"{path}: $.track",
@@ -388,12 +384,11 @@ def _track(track: TrackPart) -> Turntable:
     return Turntable(floor, np.array(track.limits_mm) * DEG, track.speed_mm_s * DEG, fastest, slides=True)
 
 
-def _turntable(part: TurntablePart, path: Path) -> Turntable:
-    pose = _pose(part.base_from_turntable, f"{path}: $.turntable.base_from_turntable")
+def _turntable(part: TurntablePart) -> Turntable:
     if part.tilt is None:
-        return _axis(pose, part)
-    tilt = _axis(_pose(part.tilt.base_from_tilt, f"{path}: $.turntable.tilt.base_from_tilt"), part.tilt)
-    return dataclasses.replace(_axis(pose, part), on=dataclasses.replace(tilt, tilts=True))
+        return _axis(part.base_from_turntable, part)
+    tilt = dataclasses.replace(_axis(part.tilt.base_from_tilt, part.tilt), tilts=True)
+    return dataclasses.replace(_axis(part.base_from_turntable, part), on=tilt)
 
 
 def _axis(pose: Float, part: AxisPart) -> Turntable:
@@ -401,13 +396,12 @@ def _axis(pose: Float, part: AxisPart) -> Turntable:
     return Turntable(pose, np.array(part.limits_deg) * DEG, part.speed_deg_s * DEG, fastest)
 
 
-def _loading(part: LoadingPart | None, path: Path) -> LoadingSetup | None:
+def _loading(part: LoadingPart | None) -> LoadingSetup | None:
     if part is None:
         return None
-    where = f"{path}: $.loading"
     return LoadingSetup(
-        flange_from_sensor=_pose(part.flange_from_sensor, f"{where}.flange_from_sensor"),
-        flange_from_tool=_pose(part.flange_from_tool, f"{where}.flange_from_tool"),
+        flange_from_sensor=part.flange_from_sensor,
+        flange_from_tool=part.flange_from_tool,
         targets_mm=np.array(part.targets_mm, float).reshape(-1, 3),
         load_points_mm=np.array(part.load_points_mm, float).reshape(-1, 3),
         force_noise_n=part.force_noise_n,
@@ -416,10 +410,3 @@ def _loading(part: LoadingPart | None, path: Path) -> LoadingSetup | None:
         rotation_noise=part.rotation_noise_deg * DEG,
         target_noise_mm=part.target_noise_mm,
     )
-
-
-def _pose(pose: Pose, where: str) -> Float:
-    matrix = matrix_of(pose)
-    if matrix is None:
-        raise InputError(where, RIGID)
-    return matrix

@@ -14,7 +14,6 @@ import numpy as np
 
 from workbench.artefacts import ProgramMove, ProgramMoves, Violation
 from workbench.geometry.poses import inverse, pose_from, rpy_from_rotation
-from workbench.robot.cell_file import matrix_of
 from workbench.robot.cell_model import Cell
 from workbench.robot.kinematics import Chain, forward_kinematics
 from workbench.robot.makers import MAKERS, Maker
@@ -104,15 +103,9 @@ def _senses(chain: Chain, maker: Maker, base: Float) -> str | None:
     )
 
 
-def _stated_world(cell: Cell) -> Float | None:
-    """The base in the controller's world (4, 4), as the cell's file has it."""
-    stated = cell.controller and cell.controller.world_from_base
-    return matrix_of(stated) if stated else None
-
-
 def _elsewhere(cell: Cell, maker: Maker, base: Float, first: ProgramMove, tool: Float) -> str | None:
     """The first posture's pose as the controller computes it, against the cell's."""
-    chain, stated = cell.chain, _stated_world(cell)
+    chain, stated = cell.chain, None if cell.controller is None else cell.controller.world_from_base
     if stated is not None and not maker.world:
         return f"$.controller.world_from_base: expected null, programs of {maker.name}'s know no world but the base"
     assert first.joints is not None  # else there is no way, and the judge has refused it

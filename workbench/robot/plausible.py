@@ -16,12 +16,10 @@ from workbench.robot.cell_file import (
     AxisPart,
     CellPart,
     EnvelopePart,
-    Pose,
     ShapePart,
     SpindleCurvePart,
     ToolPart,
     TurntablePart,
-    matrix_of,
     stated,
 )
 from workbench.robot.cell_model import Shape
@@ -78,11 +76,11 @@ def _doubts(part: CellPart) -> Iterator[tuple[str, str]]:
     if part.track is not None and part.track.limits_mm is not None and np.ptp(part.track.limits_mm) < LEAST_TRACK_MM:
         found = "{:g}, {:g}".format(*part.track.limits_mm)
         yield "track.limits_mm", f"expected a range of at least {LEAST_TRACK_MM:g} mm, found {found}: {METRES}"
-    if part.work_object is not None and np.any(_matrix(part.work_object.pose)[:3, 3]):
+    if part.work_object is not None and np.any(part.work_object.pose[:3, 3]):
         yield from _near(part.work_object.pose, "work_object.pose", "robot's base")
     yield from _sizes(part)
     for i, fixture in enumerate(part.fixtures):
-        if fixture.on == "base" and fixture.mesh is None and np.any(_matrix(fixture.pose)[:3, 3]):
+        if fixture.on == "base" and fixture.mesh is None and np.any(fixture.pose[:3, 3]):
             yield from _near(fixture.pose, f"fixtures[{i}].pose", "robot's base")
     yield from _numbers(part)
 
@@ -109,7 +107,7 @@ def _numbers(part: CellPart) -> Iterator[tuple[str, str]]:
         yield "process.home.joints_deg", f"expected degrees, found {_listed(home)}: are they radians?"
 
 
-def _axes(table: TurntablePart) -> Iterator[tuple[str, AxisPart, Pose]]:
+def _axes(table: TurntablePart) -> Iterator[tuple[str, AxisPart, Float]]:
     """The axes by their places, and where they stand."""
     yield "turntable", table, table.base_from_turntable
     if table.tilt is not None:
@@ -128,7 +126,7 @@ def _turntable(table: TurntablePart) -> Iterator[tuple[str, str]]:
 def _out_of_reach(table: TurntablePart, room: EnvelopePart) -> Iterator[tuple[str, str]]:
     """What is milled on a turntable lies where robot and tool may go; a mesh is not looked at."""
     bodies = [_corners(shape) for shape in table.shapes]
-    pose = _matrix(table.base_from_turntable)
+    pose = table.base_from_turntable
     placed = [mapped(pose, one) for one in bodies if one is not None]
     beyond = [
         (one.min(axis=(0, 1)) > np.array(room.highest_mm)).any()
@@ -157,7 +155,7 @@ def bare_mm(tool: ToolPart) -> float:
     bodies = [one for shape in tool.shapes if (one := _corners(shape)) is not None]
     if not bodies or len(bodies) < len(tool.shapes):
         return 0.0
-    tip = _matrix(tool.flange_from_cutter)[:3, 3]
+    tip = tool.flange_from_cutter[:3, 3]
     nearest = min(-_depth_mm(one, tip) for one in bodies)
     return nearest if nearest > BARE_MM else 0.0
 
@@ -166,7 +164,7 @@ def _tool(tool: ToolPart) -> Iterator[tuple[str, str]]:
     yield from _near(tool.flange_from_cutter, "tool.flange_from_cutter", "flange")
     if tool.spindle is not None:
         yield from _curve(tool.spindle)
-    tip, bodies = _matrix(tool.flange_from_cutter), [_corners(shape) for shape in tool.shapes]
+    tip, bodies = tool.flange_from_cutter, [_corners(shape) for shape in tool.shapes]
     at, axis, known = tip[:3, 3], tip[:3, 2], [one for one in bodies if one is not None]
     whole = bool(known) and len(known) == len(bodies)  # no mesh among them
 
@@ -181,7 +179,7 @@ def _tool(tool: ToolPart) -> Iterator[tuple[str, str]]:
                 f"expected the cutter's tip outside the spindle, found it {depth:.0f} mm within $.tool.shapes[{i}]: "
                 "are its unit and the frame right?",
             )
-    middles = [(s.body, _matrix(s.pose)[:3, 3]) for s in tool.shapes if s.mesh is None]
+    middles = [(s.body, s.pose[:3, 3]) for s in tool.shapes if s.mesh is None]
     cutter = [middle for body, middle in middles if body == "cutter"] or [middle for _, middle in middles]
     if cutter and all(axis @ (middle - at) > LEAST_MM for middle in cutter):
         yield (
@@ -228,8 +226,8 @@ def _curve(curve: SpindleCurvePart) -> Iterator[tuple[str, str]]:
         yield "tool.spindle.power_kw", f"expected about torque times speed, found {ratio:.3g} times that: is it in W?"
 
 
-def _near(pose: Pose, place: str, origin: str) -> Iterator[tuple[str, str]]:
-    at = _matrix(pose)[:3, 3]
+def _near(pose: Float, place: str, origin: str) -> Iterator[tuple[str, str]]:
+    at = pose[:3, 3]
     if np.linalg.norm(at) < LEAST_MM:
         why = METRES if at.any() else "was it left out?"
         yield place, f"expected a place at least {LEAST_MM:g} mm from the {origin}, found {_listed(at)}: {why}"
@@ -239,15 +237,9 @@ def _listed(values: Any) -> str:
     return ", ".join(f"{value:g}" for value in values)
 
 
-def _matrix(pose: Pose) -> Float:
-    matrix = matrix_of(pose)
-    assert matrix is not None  # the cell was built of it
-    return matrix
-
-
 def _shape(part: ShapePart) -> Shape:
     assert part.solid is not None
-    return Shape("", 0, *part.solid, _matrix(part.pose))
+    return Shape("", 0, *part.solid, part.pose)
 
 
 def _corners(part: ShapePart) -> Float | None:

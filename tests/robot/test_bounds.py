@@ -89,7 +89,7 @@ def test_no_posture_is_judged_otherwise(crowd: Cell) -> None:
         assert (model.collision(one, angle) is None) == (hit == FREE)
         if hit != FREE:
             assert model.gaps(one, angle)[0].distance_mm < max(margin_mm, 1e-12)
-            assert screen.pair(hit) == model.names(*model.pairs[hit])
+            assert screen.pair(hit) == model.names(hit)
 
 
 def tilted(cell: Cell) -> Cell:
@@ -125,7 +125,7 @@ def test_what_external_axes_move_is_held_against_what_stands(cell: Cell, posture
     links = motions(cell.chain, joints)
     standing = [i for i, pair in enumerate(model.pairs) if not any(1 <= cell.shapes[s].link <= 6 for s in pair)]
     found = np.array([model.distances(links[n], standing_poses(cell, values[n]), standing) for n in range(len(joints))])
-    assert {"box", "plate", "drum"} <= {name for i in standing for name in model.names(*model.pairs[i])}
+    assert {"box", "plate", "drum"} <= {name for i in standing for name in model.names(i)}
     assert (np.maximum(bounds[:, standing], 0) <= found + 1e-2).all()
     assert (found == 0).any(axis=1).sum() > 10
     assert (bounds[:, standing] > 0)[found > 200].mean() > 0.9  # and worth asking
@@ -164,7 +164,7 @@ def test_what_is_proven_along_a_way_is_free_between_its_places(cell: Cell, axis:
     open_ = screen.swept(way(at), external(at))
     every = external(between).reshape(-1, *([2] if axis == "tilts" else []))
     hits = screen.hits(way(between).reshape(-1, 6), every).reshape(80, -1)
-    met = [screen.model.names(*screen.model.pairs[hit]) for hit in np.unique(hits[hits != FREE])]
+    met = [screen.pair(hit) for hit in np.unique(hits[hits != FREE])]
     assert axis != "turns" or {"clamp", "post"} in map(set, met)
     near = np.round(between * 24).astype(int)
     assert not (~open_[:, near] & (hits != FREE)).any()

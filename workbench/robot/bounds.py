@@ -198,39 +198,37 @@ class CollisionScreen:
     def clearances_mm(self, joints: Float, turntable: Float) -> Float:
         """The smallest distance (n,) of bodies that must not touch, 0 where they do, at (n, 6) and (n,), rad.
 
-        fcl is asked about the pairs in the order of their bounds, until no other can be nearer. NaN: nothing can touch.
+        NaN: nothing can touch.
         """
         if not self.model.pairs:
             return np.full(len(joints), np.nan)
         bounds, _ = self.pair_bounds_mm(joints, turntable)
-        moved, out = motions(self.cell.chain, joints), np.full(len(joints), np.inf)
-        tables = standing_poses(self.cell, turntable)
-        for n in range(len(joints)):
-            for pair in np.argsort(bounds[n]).tolist():
-                if bounds[n, pair] > out[n] + SAFE_MM:
-                    break
-                out[n] = min(out[n], *self.model.distances(moved[n], tables[:, n], [pair]))
-        return out
+        moved, tables = motions(self.cell.chain, joints), standing_poses(self.cell, turntable)
+        each = (slice(n, n + 1) for n in range(len(joints)))
+        return np.array([self._least(bounds[n], moved[n], tables[:, n])[0] for n in each])
 
     def tightest(self, joints: Float, turntable: Float) -> tuple[float, int, int] | None:
-        """The smallest distance of all postures (n, 6), (n,), its pair and its posture; None: nothing can touch.
-
-        fcl is asked in the order of the bounds, until no other can be nearer.
-        """
+        """The smallest distance of all postures (n, 6), (n,), its pair and its posture; None: nothing can touch."""
         if not self.model.pairs or not len(joints):
             return None
         bounds, _ = self.pair_bounds_mm(joints, turntable)
-        moved, count = motions(self.cell.chain, joints), len(self.model.pairs)
-        tables = standing_poses(self.cell, turntable)
-        best, at = np.inf, (FREE, FREE)
+        least, n, pair = self._least(bounds, motions(self.cell.chain, joints), standing_poses(self.cell, turntable))
+        return least, pair, n
+
+    def _least(self, bounds: Float, moved: Float, tables: Float) -> tuple[float, int, int]:
+        """The smallest distance of n postures, by their bounds (n, P), its posture and its pair.
+
+        fcl is asked in the order of the bounds, until no other can be nearer.
+        """
+        best, at = np.inf, 0
         for one in np.argsort(bounds, axis=None).tolist():
             if bounds.flat[one] > best + SAFE_MM:
                 break
-            n, pair = divmod(one, count)
+            n, pair = divmod(one, bounds.shape[1])
             (distance,) = self.model.distances(moved[n], tables[:, n], [pair])
             if distance < best:
-                best, at = distance, (pair, n)
-        return best, *at
+                best, at = distance, one
+        return best, *divmod(at, bounds.shape[1])
 
     def always_near(self) -> tuple[str, str] | None:
         """Two bodies that are too near in every posture: one axis at most moves them, and nowhere far enough apart."""
@@ -249,9 +247,8 @@ class CollisionScreen:
 
     def pair(self, hit: int) -> tuple[str, str]:
         """Names of the bodies of a hit."""
-        return self.model.names(*self.model.pairs[hit])
+        return self.model.names(hit)
 
     def which(self, pair: tuple[str, str] | None) -> int:
         """A hit of two bodies by their names; FREE: there is none."""
-        names = (self.model.names(*two) for two in self.model.pairs)
-        return next((i for i, one in enumerate(names) if one == pair), FREE)
+        return next((i for i in range(len(self.model.pairs)) if self.model.names(i) == pair), FREE)

@@ -58,18 +58,16 @@ class CollisionModel:
 
     def collision(self, joints: Float, turntable: Float | float = 0.0) -> tuple[str, str] | None:
         """The first pair of bodies that are too near at joint angles (6,), rad; None: the posture is free."""
-        self._place(joints, turntable)
-        for i, (a, b) in enumerate(self.pairs):
-            if self._near(i):
-                return self.names(a, b)
-        return None
+        every = range(len(self.pairs))
+        hit = self.first_hit(motions(self._cell.chain, joints), standing_poses(self._cell, turntable), every)
+        return None if hit < 0 else self.names(hit)
 
     def gaps(self, joints: Float, turntable: Float | float = 0.0) -> list[Clearance]:
         """The distance of every pair of bodies that must not touch, at joint angles (6,), rad; the nearest first."""
-        self._place(joints, turntable)
+        self._place(motions(self._cell.chain, joints), standing_poses(self._cell, turntable), range(len(self.pairs)))
         least: dict[tuple[str, str], Clearance] = {}
         for i, (a, b) in enumerate(self.pairs):
-            pair = self.names(a, b)
+            pair = self.names(i)
             touch = _touching(self._objects[a], self._objects[b])
             distance, points = (0.0, None) if touch else self._nearest_points(a, b)
             near = distance <= 0 or distance < self.least_mm[i]
@@ -77,7 +75,7 @@ class CollisionModel:
                 least[pair] = Clearance(distance, pair, points, near)
         return sorted(least.values(), key=lambda gap: gap.distance_mm)
 
-    def first_hit(self, moved: Shaped[Float, "7 4 4"], turned: Shaped[Float, "a 4 4"], pairs: list[int]) -> int:
+    def first_hit(self, moved: Shaped[Float, "7 4 4"], turned: Shaped[Float, "a 4 4"], pairs: Sequence[int]) -> int:
         """The first of some pairs (indices into `pairs`) that is nearer than it must keep apart; -1: none.
 
         Args:
@@ -85,18 +83,17 @@ class CollisionModel:
             turned: (a, 4, 4) poses of the turntable and of what it stands on (`standing_poses`).
             pairs: to be looked at.
         """
-        for shape in {s for i in pairs for s in self.pairs[i]}:
-            self._put(shape, moved, turned)
+        self._place(moved, turned, pairs)
         return next((i for i in pairs if self._near(i)), -1)
 
-    def distances(self, moved: Float, turned: Float, pairs: list[int]) -> list[float]:
+    def distances(self, moved: Float, turned: Float, pairs: Sequence[int]) -> list[float]:
         """The distance of some pairs (indices into `pairs`), 0 where they touch; arguments as in `first_hit`."""
-        for shape in {s for i in pairs for s in self.pairs[i]}:
-            self._put(shape, moved, turned)
+        self._place(moved, turned, pairs)
         return [_apart(*(self._objects[s] for s in self.pairs[i])) for i in pairs]
 
-    def names(self, a: int, b: int) -> tuple[str, str]:
-        """Of two bodies by the indices of their shapes."""
+    def names(self, pair: int) -> tuple[str, str]:
+        """Of the two bodies of a pair, by its index into `pairs`."""
+        a, b = self.pairs[pair]
         return self._cell.shapes[a].body, self._cell.shapes[b].body
 
     def _near(self, pair: int) -> bool:
@@ -111,16 +108,12 @@ class CollisionModel:
         fits = abs(np.linalg.norm(points[1] - points[0]) - distance) < POINTS_FIT_MM
         return distance, points if fits else None
 
-    def _place(self, joints: Float, turntable: Float | float) -> None:
-        moved = motions(self._cell.chain, joints)
-        turned = standing_poses(self._cell, turntable)
-        for shape in range(len(self._objects)):
-            self._put(shape, moved, turned)
-
-    def _put(self, index: int, moved: Float, turned: Float) -> None:
-        shape = self._cell.shapes[index]
-        carrier = turned[shape.link - ON_TURNTABLE] if shape.link >= ON_TURNTABLE else moved[max(shape.link, 0)]
-        _put_at(self._objects[index], carrier @ shape.pose)
+    def _place(self, moved: Float, turned: Float, pairs: Sequence[int]) -> None:
+        """Put the shapes of some pairs where their carriers are."""
+        for index in {shape for pair in pairs for shape in self.pairs[pair]}:
+            shape = self._cell.shapes[index]
+            carrier = turned[shape.link - ON_TURNTABLE] if shape.link >= ON_TURNTABLE else moved[max(shape.link, 0)]
+            _put_at(self._objects[index], carrier @ shape.pose)
 
 
 def turntable_pose(cell: Cell, angle: Float | float) -> Float:

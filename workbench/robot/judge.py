@@ -18,7 +18,7 @@ from workbench.geometry.moves import arc_lengths_mm, chords_mm
 from workbench.geometry.poses import inverse
 from workbench.robot.bounds import SAFE_MM, CollisionScreen
 from workbench.robot.cell_model import Cell, dexterity, turntable_margin
-from workbench.robot.collision import CollisionModel, left_out, sliding, standing_poses, turntable_pose
+from workbench.robot.collision import left_out, sliding, standing_poses, turntable_pose
 from workbench.robot.controller import frame_faults
 from workbench.robot.kinematics import forward_kinematics, motions
 from workbench.robot.process import disorders, placed
@@ -74,8 +74,9 @@ def judge(
         return _undriven(program, foreign)
     cell = dataclasses.replace(cell, unchecked=(*cell.unchecked, *unknown))
     way, places = first_look(cell, way)
-    found = _proven(cell, way, places, _Findings())
-    return _judgement(cell, program, way, found, planned, configuration)
+    screen = CollisionScreen(cell)
+    found = _proven(screen, way, places, _Findings())
+    return _judgement(screen, program, way, found, planned, configuration)
 
 
 def follows(cell: Cell, program: ProgramMoves) -> tuple[str, tuple[str, str] | None] | None:
@@ -87,11 +88,12 @@ def follows(cell: Cell, program: ProgramMoves) -> tuple[str, tuple[str, str] | N
         way, _ = _way(cell, program)
     except WayError:  # one posture alone
         return None
-    found = _proven(cell, *first_look(cell, way), _Findings())
+    screen = CollisionScreen(cell)
+    found = _proven(screen, *first_look(cell, way), _Findings())
     if not found.faults:
         return None
     kind = found.faults[0][2]
-    return kind, _names(cell, _least(found)[1]) if kind == "collision" else None
+    return kind, _names(screen, _least(found)[1]) if kind == "collision" else None
 
 
 class JudgedCell(Cell):
@@ -154,13 +156,12 @@ class _Findings:
     faults: list[tuple[int, float, str, str]] = field(default_factory=list)  # segment, share, kind, finding
 
 
-def _proven(cell: Cell, way: Way, places: Places, found: _Findings) -> _Findings:
+def _proven(pairs: CollisionScreen, way: Way, places: Places, found: _Findings) -> _Findings:
     """Halve every stretch until it is proven, or found to be at fault."""
-    pairs = CollisionScreen(cell)
     found.places.append(places)
     before, after = places.at(np.arange(len(places) - 1)), places.at(np.arange(1, len(places)))
     for turn in range(ROUNDS):
-        middle = between(cell, way, before, after)
+        middle = between(pairs.cell, way, before, after)
         last = turn == ROUNDS - 1
         open_ = _stretches(way, pairs, before, middle, after, found, last=last)
         found.places.append(middle)
@@ -188,9 +189,10 @@ def _off_the_path(cell: Cell, way: Way, places: Places, on_path: Bool) -> list[t
     joint_moves = ~on_path[places.segment]
     if strict.may_touch == cell.may_touch or not joint_moves.any():
         return []
+    screen = CollisionScreen(strict)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], joint_moves, [False]])))
     for low, high in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        _proven(strict, way, places.at(np.arange(max(low - 1, 0), high)), found)
+        _proven(screen, way, places.at(np.arange(max(low - 1, 0), high)), found)
     return [fault for fault in found.faults if fault[2] == "collision"]
 
 
@@ -329,7 +331,7 @@ def _collisions(
 
 
 def _collision_finding(pairs: CollisionScreen, hit: int, distance: float) -> str:
-    a, b = pairs.model.names(*pairs.model.pairs[hit])
+    a, b = pairs.pair(hit)
     need = float(pairs.least_mm[hit])
     how = f"{a} runs into {b}" if distance <= 0 else f"{a} comes within {distance:.2f} mm of {b}"
     return f"{how}, expected a clearance of {need:.2f} mm"
@@ -341,18 +343,22 @@ def _undriven(program: ProgramMoves, violation: Violation) -> Judgement:
 
 
 def _judgement(
-    cell: Cell,
+    screen: CollisionScreen,
     program: ProgramMoves,
     way: Way,
     found: _Findings,
     planned: Planned | None,
     configuration: Configuration | None,
 ) -> Judgement:
-    everywhere = joined(found.places)
+    cell, everywhere = screen.cell, joined(found.places)
     order = np.lexsort((everywhere.share, everywhere.segment))
     places = everywhere.at(order)
     arc = arc_lengths_mm(places.tool[:, :3, 3])
     at = _arc_lookup(places, arc)
+
+    def there(place: int, kind: str, finding: str) -> Violation:
+        return Violation(int(way.line[places.segment[place]]), float(arc[place]), kind, finding)
+
     unchecked = [*dict.fromkeys((*cell.unchecked, *left_out(cell, ()))), *cell.unseen]  # margins may have grown since
     driven, deviation = Driven(), float("nan")
     if planned is None:
@@ -366,15 +372,15 @@ def _judgement(
     timed, timed_share = timed_faults(cell, way)
     found.faults += timed
     faults = [Violation(int(way.line[s]), at(s, share), kind, finding) for s, share, kind, finding in found.faults]
-    faults += [Violation(int(way.line[places.segment[i]]), float(arc[i]), *rest) for i, *rest in driven.faults]
+    faults += [there(*one) for one in driven.faults]
     faults += _configurations(cell, program, way, places, at, configuration)
     if cell.process is not None:
         faults += [
             Violation(program.moves[i].line, at(int(np.searchsorted(way.move, i)), 0.0), "process", text)
             for i, text in (*disorders(program, cell.process), *_unprobed(cell, program, planned))
         ]
-    speeds, share = _speeds(cell, way, places, arc)
-    faults += speeds
+    speeds, share = _speeds(cell, way, places)
+    faults += [there(*one) for one in speeds]
     inside = np.argsort(order)[len(found.places[0]) :]
     along = {
         name: np.concatenate(values)[np.argsort(inside)]
@@ -399,14 +405,14 @@ def _judgement(
         stops_counted=ramp_s is not None,
         postures=len(everywhere),
         clearance_mm=min(found.proven_mm, least),
-        clearance_pair=_names(cell, found.proven_pair if found.proven_mm <= least else pair),
+        clearance_pair=_names(screen, found.proven_pair if found.proven_mm <= least else pair),
         limit_margin=min(found.proven_margin, float(np.nanmin(along["limit_margin"], initial=np.inf))),
         wrist=min(found.proven_wrist, np.pi / 2),
         condition=float(np.nanmax(along["condition"])) if np.isfinite(along["condition"]).any() else np.nan,
         speed_share=max(share, timed_share),
         deviation_mm=deviation,
         along=along,
-        nearest=_nearest(cell, way, places, arc),
+        nearest=_nearest(screen, way, places, arc),
         driven=_driven(way, found.places[0]),
     )
 
@@ -424,10 +430,9 @@ def _driven(way: Way, places: Places) -> dict[str, Float]:
     }
 
 
-def _nearest(cell: Cell, way: Way, places: Places, arc: Float) -> Nearest | None:
+def _nearest(screen: CollisionScreen, way: Way, places: Places, arc: Float) -> Nearest | None:
     """The least distance of all places that the robot reaches."""
     reached = np.flatnonzero(np.isfinite(places.joints).all(axis=1))
-    screen = CollisionScreen(cell)
     found = screen.tightest(places.joints[reached], places.turntable[reached])
     if found is None:
         return None
@@ -444,11 +449,8 @@ def _least(found: _Findings) -> tuple[float, int]:
     return float(clearance[i]), int(pair[i])
 
 
-def _names(cell: Cell, pair: int) -> tuple[str, str] | None:
-    if pair < 0:
-        return None
-    model = CollisionModel(cell)
-    return model.names(*model.pairs[pair])
+def _names(screen: CollisionScreen, pair: int) -> tuple[str, str] | None:
+    return None if pair < 0 else screen.pair(pair)
 
 
 def _arc_lookup(places: Places, arc: Float) -> ArcLookup:
@@ -520,8 +522,8 @@ def _seconds(way: Way, places: Places) -> Float:
     return np.asarray(share * way.duration_s[places.segment[1:]])
 
 
-def _speeds(cell: Cell, way: Way, places: Places, arc: Float) -> tuple[list[Violation], float]:
-    """Joints that cannot keep the programmed feed, and the largest share of a rated speed.
+def _speeds(cell: Cell, way: Way, places: Places) -> tuple[list[tuple[int, str, str]], float]:
+    """Joints that cannot keep the programmed feed, place, kind, finding; and the largest share of a rated speed.
 
     Accelerations are asked for within segments and through rounded corners, where the controller does not stop.
     """
@@ -536,12 +538,7 @@ def _speeds(cell: Cell, way: Way, places: Places, arc: Float) -> tuple[list[Viol
         change = np.abs(np.diff(rate, axis=0)) / np.maximum((seconds[1:] + seconds[:-1]) / 2, 1e-9)[:, None]
         asked = np.where(flying[:, None], np.nan_to_num(change / cell.rated_accelerations), 0.0)
         found.append(("acceleration", worst(cell, asked, "acceleration")))
-    faults = [
-        Violation(int(way.line[places.segment[one[0] + 1]]), float(arc[one[0] + 1]), kind, one[1])
-        for kind, one in found
-        if one is not None
-    ]
-    return faults, float(speed.max(initial=0.0))
+    return [(one[0] + 1, kind, one[1]) for kind, one in found if one is not None], float(speed.max(initial=0.0))
 
 
 def _first_of_each(faults: list[Violation]) -> Iterator[Violation]:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from workbench.artefacts import UNLABELLED, Characteristic, Cloud, Edge, Inspection, JointInspection, Quantity, Section
-from workbench.geometry.moves import interpolated
+from workbench.geometry.moves import interpolated, runs
 from workbench.geometry.splines import hermite
 from workbench.marks import FACES, LIMIT, MEASURED, REJECTED, TOLERANCE, VERDICTS, Lettering
 from workbench.pieces import GREY, INK, PALE
@@ -32,13 +32,13 @@ if TYPE_CHECKING:
 PART_COLOURS = {"blind": REJECTED}  # of parts beside each other; others as what was measured
 
 
-def mark_sections(axes: Axes, arc_length_mm: list[float], names: list[str]) -> None:
+def mark_sections(axes: Axes, inspection: JointInspection) -> None:
     """Numbered ticks along the top of a chart over arc length."""
-    for s, name in zip(arc_length_mm, names, strict=True):
-        axes.axvline(s, color=PALE, linewidth=0.7, zorder=0.5)
+    for section in inspection.sections:
+        axes.axvline(section.arc_length_mm, color=PALE, linewidth=0.7, zorder=0.5)
         axes.annotate(
-            name,
-            (s, 1.0),
+            f"{section.index}",
+            (section.arc_length_mm, 1.0),
             (0, 2),
             xycoords=("data", "axes fraction"),
             ha="center",
@@ -170,7 +170,7 @@ def deviation_chart(
     if len(parts) > 1:
         rows[0].legend()
     else:
-        mark_sections(rows[0], [x.arc_length_mm for x in first.sections], [str(x.index) for x in first.sections])
+        mark_sections(rows[0], first)
     rows[-1].set(xlabel="arc length along the lower edge of the milled part, mm")
     return figure.svg()
 
@@ -192,7 +192,7 @@ def size_chart(s: Float, along: Quantity, seen: Bool, inspection: JointInspectio
     axes = figure.add_axes((0.068, 0.15, 0.8, 0.76))
     axes.set(xlim=(0.0, float(s[-1])))
     _draw_tolerance(axes, what, unit, s, inspection.guard_factor * along.u)
-    mark_sections(axes, [x.arc_length_mm for x in inspection.sections], [str(x.index) for x in inspection.sections])
+    mark_sections(axes, inspection)
     hatch_hidden(axes, gaps(s, seen))
     draw_course(axes, s, along.value, along.u)
     draw_values(axes, inspection, what)
@@ -235,14 +235,7 @@ def hidden_stretches(edge: Edge) -> list[tuple[float, float]]:
 
 def gaps(s: Float, seen: Bool) -> list[tuple[float, float]]:
     """The stretches of `s` (n,) between what was `seen` (n,), from the last value seen to the next one."""
-    change = np.flatnonzero(np.diff(seen.astype(np.int8)))
-    starts = [int(k) for k in change if seen[k]]
-    ends = [int(k) + 1 for k in change if not seen[k]]
-    if len(s) and not seen[0]:
-        starts.insert(0, 0)
-    if len(s) and not seen[-1]:
-        ends.append(len(s) - 1)
-    return [(float(s[a]), float(s[b])) for a, b in zip(starts, ends, strict=True)]
+    return [(float(s[max(a - 1, 0)]), float(s[min(b + 1, len(s) - 1)])) for a, b in runs(~seen)]
 
 
 def _draw_tolerance(axes: Axes, what: Characteristic, unit: str, s: Float, guard: Float) -> None:
@@ -296,7 +289,7 @@ def plan_view(cloud: Cloud, edge: Edge, inspection: Inspection) -> PlanView:
         if face.any():
             band = _band(points.frame[face], kept[face])
             axes.fill_between(*band, color=FACES[int(label)], alpha=0.3)
-    mark_sections(axes, [x.arc_length_mm for x in inspection.sections], [str(x.index) for x in inspection.sections])
+    mark_sections(axes, inspection)
     hatch_hidden(axes, hidden_stretches(edge))
     few = out[shown][:: max(1, int(shown.sum()) // REJECTS)]
     axes.points(few[:, 0], few[:, 2], ".", color=REJECTED, markersize=2.2)
@@ -317,9 +310,13 @@ def _band(frame: Int, laid_out_mm: Float) -> tuple[Float, Float, Float]:
     return np.insert(s, gaps, np.nan), np.insert(low, gaps, np.nan), np.insert(high, gaps, np.nan)
 
 
+def laid_out(points: Points, cloud: Cloud, edge: Edge) -> Float:
+    """(n, 3) s, u, v of points of a cloud; NaN in passes that never saw the edge."""
+    return developed(points.position_mm, frame_arc_length_mm(cloud, edge)[points.frame], edge)
+
+
 def _laid_out(points: Points, cloud: Cloud, edge: Edge) -> tuple[Points, Float]:
     """The points and their (n, 3) s, u, v; those of passes that never saw the edge are left out."""
-    start = frame_arc_length_mm(cloud, edge)[points.frame]
-    laid_out = developed(points.position_mm, start, edge)
-    known = np.isfinite(laid_out[:, 0])  # an unknown start makes all three unknown
-    return points.where(known), laid_out[known]
+    suv = laid_out(points, cloud, edge)
+    known = np.isfinite(suv[:, 0])  # an unknown start makes all three unknown
+    return points.where(known), suv[known]

@@ -12,7 +12,7 @@ from workbench.errors import InputError, one_line
 from workbench.marks import FACES, LOWER_EDGE, TOOL_AXES, UPPER_EDGE, Lettering
 from workbench.pieces import GREY, INK
 from workbench.plot import Axes, Figure
-from workbench.report.along import axes_at, developed
+from workbench.report.along import axes_at, developed, laid_out
 from workbench.report.dimensions import dimension, dimension_angle, dimension_radius
 from workbench.report.path_charts import edges_in_plane, engagement_chart, feed_chart
 from workbench.report.planned import (
@@ -36,7 +36,7 @@ from workbench.report.planned import (
     thickness_mm,
     whole_run,
 )
-from workbench.report.scene import around, frame_arc_length_mm, pictures
+from workbench.report.scene import around, pictures
 from workbench.report.scenes import TOOL_AXIS_MM, plan_scene
 from workbench.report.tables import faces_seen, facts
 from workbench.report.text import data_address, decimals, measured, render
@@ -248,19 +248,10 @@ def _draw_stock(axes: Axes, stepped: Stepped, width: float) -> None:
 
 def _draw_points(axes: Axes, cloud: Cloud, edge: Edge, stepped: Stepped) -> None:
     points = around(cloud, edge, stepped.arc_length_mm, REACH_MM, POINTS)
-    start = frame_arc_length_mm(cloud, edge)[points.frame]
-    laid_out = developed(points.position_mm, start, edge)
+    suv = laid_out(points, cloud, edge)
     for face in np.unique(points.label):
-        u, v = laid_out[points.label == face, 1:].T
-        axes.points(
-            u,
-            v,
-            ".",
-            color=FACES[int(face)],
-            markersize=2.6,
-            alpha=0.6,
-            zorder=2,
-        )
+        _, u, v = suv[points.label == face].T
+        axes.points(u, v, ".", color=FACES[int(face)], markersize=2.6, alpha=0.6, zorder=2)
 
 
 def _draw_layers(axes: Axes, toolpath: Toolpath, stepped: Stepped, size: float) -> None:

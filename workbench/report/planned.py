@@ -243,29 +243,18 @@ def move_rows(moves: Moves | None) -> Iterator[Row]:
 
 def layer_rows(toolpath: Toolpath, run: Run) -> Iterator[tuple[str, ...]]:
     """One row per layer: index, height, width of its face, length cut, points, feed, time."""
+
+    def driven(here: Bool) -> tuple[str, str, str]:
+        """Points, feed, time."""
+        return f"{int(here.sum()):,}", span(run.feed_mm_s[here], 2, ""), duration(float(run.time_s[here].sum()))
+
     for layer in toolpath.layers:
         here = run.layer == layer.index
-        width = layer.width_mm[layer.cutting]
-        yield (
-            f"{layer.index}",
-            f"{layer.height_mm:.2f}",
-            span(width, 2, ""),
-            f"{run.length_mm[here & run.cutting_step].sum():.1f}",
-            f"{int(here.sum()):,}",
-            span(layer.feed_mm_s, 2, ""),
-            duration(float(run.time_s[here].sum())),
-        )
-    air = run.layer == 0
-    if air.any():
-        yield (
-            "between",
-            "–",
-            "–",
-            "–",
-            f"{int(air.sum()):,}",
-            span(run.feed_mm_s[air], 2, ""),
-            duration(float(run.time_s[air].sum())),
-        )
+        cut = f"{run.length_mm[here & run.cutting_step].sum():.1f}"
+        width = span(layer.width_mm[layer.cutting], 2, "")
+        yield f"{layer.index}", f"{layer.height_mm:.2f}", width, cut, *driven(here)
+    if (run.layer == 0).any():
+        yield "between", "–", "–", "–", *driven(run.layer == 0)
 
 
 def refused(edge: Edge, toolpath: Toolpath, gate: Gate | None) -> Iterator[tuple[str, str]]:

@@ -27,9 +27,10 @@ from workbench.artefacts import (
     u_name,
 )
 from workbench.artefacts.edges import BEVEL_TERMS
+from workbench.geometry import moves
 from workbench.marks import LOWER_EDGE, SIGNS, TOOL_AXES, UPPER_EDGE, VERDICTS, code, face_shades, ramp, rgb
 from workbench.pieces import GREY, INK
-from workbench.report.along import developed
+from workbench.report.along import laid_out
 from workbench.report.planned import (
     Compared,
     Run,
@@ -41,7 +42,7 @@ from workbench.report.planned import (
     middle_of_cut_mm,
     planned_bevel,
 )
-from workbench.report.scene import Points, at_places, ends_of, frame_arc_length_mm, overview
+from workbench.report.scene import Points, at_places, ends_of, overview
 from workbench.report.section_drawing import of_interest, outside_mm, round_limit
 from workbench.report.tables import faces_seen
 from workbench.report.text import decimals, measured
@@ -250,9 +251,8 @@ def tool_axes(toolpath: Toolpath, keys: Int, most: int, length_mm: float) -> Str
 
 def runs(position_mm: Float) -> list[Float]:
     """The stretches of a curve between its NaNs."""
-    known = np.isfinite(position_mm).all(axis=1)
-    pieces = np.split(position_mm, np.flatnonzero(np.diff(known)) + 1)
-    return [piece for piece in pieces if len(piece) > 1 and np.isfinite(piece).all()]
+    known: Bool = np.all(np.isfinite(position_mm), axis=1)
+    return [position_mm[first : last + 1] for first, last in moves.runs(known) if last > first]
 
 
 def station_frame(edge: Edge, at_mm: float) -> tuple[Float, Float]:
@@ -335,7 +335,7 @@ def laid_out_faces(points: Points, cloud: Cloud, edge: Edge) -> Float:
     """(n, 3) arc length, u and v of the points of root and bevel face; NaN for all others."""
     face = np.isin(points.label, (ROOT_FACE, BEVEL_FACE))
     laid = np.full((len(face), 3), np.nan)
-    laid[face] = developed(points.position_mm[face], frame_arc_length_mm(cloud, edge)[points.frame[face]], edge)
+    laid[face] = laid_out(points.where(face), cloud, edge)
     return laid
 
 

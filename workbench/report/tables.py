@@ -245,23 +245,18 @@ def specification(one: Characteristic) -> Iterator[tuple[str, ...]]:
 
 def budget(inspection: JointInspection) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
     """A row a source, its u of every size; and the combined and the expanded uncertainty of each largest section."""
-    largest = [
-        (u_name(one.name), max((pair[1] for pair in one.pairs if pair), default=math.nan))
-        for one in inspection.characteristics
-    ]
+    largest = []
+    for one in inspection.characteristics:
+        u = max((pair[1] for pair in one.pairs if pair), default=math.nan)
+        largest.append((u_name(one.name), u, decimals([u], 1.0, 6)))
     k = inspection.uncertainty.coverage_factor
     return [
-        (row["name"], row["kind"], *(small(row.get(name, 0.0), _places(u)) for name, u in largest))
+        (row["name"], row["kind"], *(small(row.get(name, 0.0), places) for name, _, places in largest))
         for row in inspection.sources
     ], [
-        ("Combined u", "", *(small(u, _places(u)) for _, u in largest)),
-        (f"Expanded U = {k:g} u", "", *(small(k * u, _places(u)) for _, u in largest)),
+        ("Combined u", "", *(small(u, places) for _, u, places in largest)),
+        (f"Expanded U = {k:g} u", "", *(small(k * u, places) for _, u, places in largest)),
     ]
-
-
-def _places(u: float) -> int:
-    """Decimals that show two significant digits of an uncertainty."""
-    return min(6, max(1, 1 - math.floor(math.log10(u)))) if u > 0.0 and math.isfinite(u) else 3
 
 
 def small(u: float, places: int) -> str:

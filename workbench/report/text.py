@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 
-def decimals(uncertainties: Iterable[float | None]) -> int:
-    """Decimal places, one to four, for the smallest expanded uncertainty: two digits of it, which no rounding makes
+def decimals(uncertainties: Iterable[float | None], coverage: float = COVERAGE, most: int = 4) -> int:
+    """Decimal places, one to `most`, for the smallest expanded uncertainty: two digits of it, which no rounding makes
     smaller by more than 5 % (EA-4/02 M, 6.3).
     """
-    known = [COVERAGE * u for u in uncertainties if u is not None and u > 0.0 and math.isfinite(u)]
+    known = [coverage * u for u in uncertainties if u is not None and u > 0.0 and math.isfinite(u)]
     if not known:
         return 3
-    return min(4, max(1, 1 - math.floor(math.log10(min(known)))))
+    return min(most, max(1, 1 - math.floor(math.log10(min(known)))))
 
 
 def measured(value: float | None, u: float | None, places: int) -> str:

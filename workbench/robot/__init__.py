@@ -15,6 +15,7 @@ from workbench.robot.collision import (
     external_at,
     sliding,
     standing_poses,
+    turn_about_z,
     turntable_pose,
 )
 from workbench.robot.drawing import cell_strokes
@@ -73,6 +74,7 @@ __all__ = [
     "sliding",
     "spherical_wrist",
     "standing_poses",
+    "turn_about_z",
     "turntable_at_home",
     "turntable_pose",
     "within_limits",

@@ -12,7 +12,7 @@ import numpy as np
 
 from workbench.geometry.distances import segments_apart
 from workbench.kernels import kernel
-from workbench.robot.kinematics import turn_about_axis
+from workbench.robot.kinematics import compose, turn_about_axis
 from workbench.units import DEG, AnyArray, Shaped
 
 NONE, BOX, CYLINDER = 0, 1, 2  # what a volume is besides a capsule
@@ -62,7 +62,7 @@ def _place(standing: Standing, motion: AnyArray, scene: BoundingVolumes, arm_onl
             continue
         _carry(at, middle, s, motion, link[s], ends)
         if solid[s] != NONE:
-            _compose(placed, s, motion, link[s], pose, s)
+            compose(placed, s, motion, link[s], pose, s)
         if solid[s] == BOX:
             for r in range(3):
                 middle[s, r] = placed[s, r, 3]
@@ -122,7 +122,7 @@ def swept_kernel(
     motion, turn, standing = _room(scene)
     axes, points = scene.axes, scene.points_mm
     many_axes = joints.shape[2]
-    step, reach, lever = np.zeros((places, many_axes)), np.zeros(many_axes), np.zeros((6, 2, 3))
+    step, reach, lever = np.zeros((places, many_axes)), np.zeros(many_axes), np.zeros((many_axes, 2, 3))
     first, last, depth = np.zeros(64, np.int64), np.zeros(64, np.int64), np.zeros(64, np.int64)
     asked, many = np.empty((DEPTHS, len(scene.pairs)), np.int64), np.zeros(DEPTHS, np.int64)
     asked[0], many[0] = np.arange(len(scene.pairs)), len(scene.pairs)
@@ -149,7 +149,7 @@ def swept_kernel(
                     moved = _moved(carried[w], moves, w, lever, reach, standing.middle, scene.around_mm)
                     need[w] = moved / (1.0 - total)
                 if not stands:
-                    _external_motion(motion, scene, standing.middle, reach, 1.0 / (1.0 - total), external_mm)
+                    _external_motion(lever, scene, standing.middle, reach, 1.0 / (1.0 - total), external_mm)
                 proven = _proven(standing, scene, need, by, least, external_mm, asked[d], many[d])
             left = many[d] - proven
             if left > 0 and a == b:
@@ -179,22 +179,21 @@ def _proven(
 
     What stands on external axes moves by `external_mm` (S,) mm besides.
     """
-    pairs, around, middle = scene.pairs, scene.around_mm, standing.middle
+    pairs, around = scene.pairs, scene.around_mm
     for k in range(many):
         i = asked[k]
         s, t = pairs[i, 0], pairs[i, 1]
         apart = least[i] + need[by[i]] + external_mm[s] + external_mm[t]
         far = apart + 1e-6
-        reach = far + around[s] + around[t]
-        x, y, z = middle[s, 0] - middle[t, 0], middle[s, 1] - middle[t, 1], middle[s, 2] - middle[t, 2]
-        if x * x + y * y + z * z < reach * reach and _smallest(standing, scene, i, i + 1, far) <= apart:
+        near = _nearer(standing.middle, s, t, far + around[s] + around[t])
+        if near and _smallest(standing, scene, i, i + 1, far) <= apart:
             return k
     return many
 
 
 @kernel(error_model="numpy")
 def _external_motion(
-    motion: AnyArray, scene: BoundingVolumes, middle: AnyArray, reach: AnyArray, slack: float, external_mm: AnyArray
+    lever: AnyArray, scene: BoundingVolumes, middle: AnyArray, reach: AnyArray, slack: float, external_mm: AnyArray
 ) -> None:
     """What each volume (S,) on external axes moves by within their reaches, at most, mm, times `slack`."""
     e = len(scene.slides)
@@ -207,12 +206,7 @@ def _external_motion(
             if scene.slides[k]:
                 external_mm[s] += reach[6 + k] / DEG * slack
                 continue
-            x = middle[s, 0] - motion[carrier, 0, 3]
-            y = middle[s, 1] - motion[carrier, 1, 3]
-            z = middle[s, 2] - motion[carrier, 2, 3]
-            u, v, w = motion[carrier, 0, 2], motion[carrier, 1, 2], motion[carrier, 2, 2]
-            cx, cy, cz = v * z - w * y, w * x - u * z, u * y - v * x
-            external_mm[s] += reach[6 + k] * (np.sqrt(cx * cx + cy * cy + cz * cz) + scene.around_mm[s]) * slack
+            external_mm[s] += reach[6 + k] * (_off_axis(middle, s, lever, 6 + k) + scene.around_mm[s]) * slack
 
 
 @kernel(error_model="numpy")
@@ -250,13 +244,26 @@ def _reach(joints: AnyArray, n: int, a: int, b: int, m: int, step: AnyArray, rea
 
 @kernel(error_model="numpy")
 def _axes_there(motion: AnyArray, axes: AnyArray, points: AnyArray, lever: AnyArray) -> None:
-    """Direction and a point (6, 2, 3) of each joint's axis where the links before it carried it."""
+    """Direction and a point (6 + e, 2, 3) of each axis where what carries it stands."""
     for j in range(6):
         for r in range(3):
             lever[j, 0, r], lever[j, 1, r] = 0.0, motion[j, r, 3]
             for c in range(3):
                 lever[j, 0, r] += motion[j, r, c] * axes[j, c]
                 lever[j, 1, r] += motion[j, r, c] * points[j, c]
+    for k in range(6, len(lever)):
+        carrier = len(lever) - k + 6
+        for r in range(3):
+            lever[k, 0, r], lever[k, 1, r] = motion[carrier, r, 2], motion[carrier, r, 3]
+
+
+@kernel(error_model="numpy")
+def _off_axis(middle: AnyArray, s: int, lever: AnyArray, j: int) -> float:
+    """How far the middle of volume s is from axis j."""
+    x, y, z = middle[s, 0] - lever[j, 1, 0], middle[s, 1] - lever[j, 1, 1], middle[s, 2] - lever[j, 1, 2]
+    u, v, w = lever[j, 0, 0], lever[j, 0, 1], lever[j, 0, 2]
+    cx, cy, cz = v * z - w * y, w * x - u * z, u * y - v * x
+    return np.sqrt(cx * cx + cy * cy + cz * cz)  # type: ignore[no-any-return]
 
 
 @kernel(error_model="numpy")
@@ -267,11 +274,15 @@ def _moved(
     way = 0.0
     for j in range(6):
         if moves[i, j]:
-            x, y, z = middle[s, 0] - lever[j, 1, 0], middle[s, 1] - lever[j, 1, 1], middle[s, 2] - lever[j, 1, 2]
-            u, v, w = lever[j, 0, 0], lever[j, 0, 1], lever[j, 0, 2]
-            cx, cy, cz = v * z - w * y, w * x - u * z, u * y - v * x
-            way += reach[j] * (np.sqrt(cx * cx + cy * cy + cz * cz) + around[s])
+            way += reach[j] * (_off_axis(middle, s, lever, j) + around[s])
     return way
+
+
+@kernel(error_model="numpy")
+def _nearer(middle: AnyArray, s: int, t: int, reach: float) -> bool:
+    """Whether the middles of two volumes are nearer to each other than a reach."""
+    x, y, z = middle[s, 0] - middle[t, 0], middle[s, 1] - middle[t, 1], middle[s, 2] - middle[t, 2]
+    return x * x + y * y + z * z < reach * reach  # type: ignore[no-any-return]
 
 
 @kernel(error_model="numpy")
@@ -287,9 +298,7 @@ def _smallest(
     radius, half, around, solid, pairs = scene.radius_mm, scene.half_mm, scene.around_mm, scene.solid, scene.pairs
     for i in range(first, last):
         a, b = pairs[i, 0], pairs[i, 1]
-        reach = best + around[a] + around[b]
-        x, y, z = middle[a, 0] - middle[b, 0], middle[a, 1] - middle[b, 1], middle[a, 2] - middle[b, 2]
-        if x * x + y * y + z * z >= reach * reach:
+        if not _nearer(middle, a, b, best + around[a] + around[b]):
             continue
         fits = solid[b] == NONE or solid[a] == BOX or radius[a] > radius[b]  # as the capsule around it, of two solids
         larger = solid[a] == BOX and around[a] > around[b]  # of two boxes the smaller is the capsule around it
@@ -326,24 +335,15 @@ def _move(
     for i in range(6 + e):
         if i < 6:
             turn_about_axis(turn, i, axes, points, i, joints[n, i])
-            _compose(motion, i + 1, motion, i, turn, i)
+            compose(motion, i + 1, motion, i, turn, i)
             continue
         angle = 0.0 if slides[i - 6] else joints[n, i]
         c, s = np.cos(angle), np.sin(angle)
         turn[i, 0, 0], turn[i, 0, 1], turn[i, 1, 0], turn[i, 1, 1], turn[i, 2, 2] = c, -s, s, c, 1.0
         turn[i, 2, 3] = joints[n, i] / DEG if slides[i - 6] else 0.0
         carrier = 6 + e - (i - 6)
-        _compose(turn, 6 + 2 * e, motion, 0 if i == 6 else carrier + 1, turn, e + i)
-        _compose(motion, carrier, turn, 6 + 2 * e, turn, i)
-
-
-@kernel(error_model="numpy")
-def _compose(out: AnyArray, o: int, a: AnyArray, i: int, b: AnyArray, j: int) -> None:
-    """out[o] = a[i] b[j], of rigid motions in their first three rows."""
-    for r in range(3):
-        for c in range(4):
-            out[o, r, c] = a[i, r, 0] * b[j, 0, c] + a[i, r, 1] * b[j, 1, c] + a[i, r, 2] * b[j, 2, c]
-        out[o, r, 3] += a[i, r, 3]
+        compose(turn, 6 + 2 * e, motion, 0 if i == 6 else carrier + 1, turn, e + i)
+        compose(motion, carrier, turn, 6 + 2 * e, turn, i)
 
 
 @kernel(error_model="numpy")

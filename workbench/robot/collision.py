@@ -154,13 +154,20 @@ def external_at(cell: Cell, turntable_deg: float, tilt_deg: float, where: str) -
 
 def _moved(axis: Turntable, value: Float) -> Float:
     """An axis against where it is at 0 (..., 4, 4)."""
+    if not axis.slides:
+        return turn_about_z(value)
     moved = np.broadcast_to(np.eye(4), (*value.shape, 4, 4)).copy()
-    if axis.slides:
-        moved[..., 2, 3] = value / DEG
-    else:
-        moved[..., 0, 0] = moved[..., 1, 1] = np.cos(value)
-        moved[..., 1, 0], moved[..., 0, 1] = np.sin(value), -np.sin(value)
+    moved[..., 2, 3] = value / DEG
     return moved
+
+
+def turn_about_z(angles: Float) -> Float:
+    """Poses (..., 4, 4) turned by angles (...) about z."""
+    turn = np.zeros((*np.shape(angles), 4, 4))
+    turn[..., 0, 0] = turn[..., 1, 1] = np.cos(angles)
+    turn[..., 1, 0], turn[..., 0, 1] = np.sin(angles), -np.sin(angles)
+    turn[..., 2, 2] = turn[..., 3, 3] = 1.0
+    return turn
 
 
 def sliding(cell: Cell) -> bool:

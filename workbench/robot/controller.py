@@ -84,6 +84,11 @@ def _apart(one: Float, other: Float) -> tuple[float, float]:
     return float(np.linalg.norm(one[:3, 3] - other[:3, 3])), float(np.arccos(np.clip(cosine, -1, 1)))
 
 
+def _same(one: Float, other: Float) -> bool:
+    """Whether two frames are one."""
+    return all(np.less_equal(_apart(one, other), (SAME_MM, SAME)))
+
+
 def _unnamed(chain: Chain, maker: Maker) -> list[str]:
     """What stands in the cell file alone."""
     left = [] if maker.at_axis_2 or {"base", "base_link"} & set(chain.frames) else ["the base's height on axis 1"]
@@ -114,12 +119,12 @@ def _elsewhere(cell: Cell, maker: Maker, base: Float, first: ProgramMove, tool: 
     cells_from_flange = inverse(chain.base_from_flange_at_zero) @ flange
     there = forward_kinematics(chain, first.joints)
     faults = []
-    if max(np.divide(_apart(world_from_cell, np.eye(4)), (SAME_MM, SAME))) > 1:
+    if not _same(world_from_cell, np.eye(4)):
         where = f"its base lies {maker.origin}"
         faults.append(_advice(chain, "base_frame", where, base, np.eye(4)))
         if maker.world:
             faults.append("a world in which its base stands elsewhere is said by $.controller.world_from_base")
-    if max(np.divide(_apart(cells_from_flange, np.eye(4)), (SAME_MM, SAME))) > 1:
+    if not _same(cells_from_flange, np.eye(4)):
         where = "its flange is the tool with all zeros"
         faults.append(_advice(chain, "flange_frame", where, flange, chain.base_from_flange_at_zero))
     if not faults:
@@ -135,7 +140,7 @@ def _elsewhere(cell: Cell, maker: Maker, base: Float, first: ProgramMove, tool: 
 
 def _advice(chain: Chain, key: str, where: str, own: Float, cells: Float) -> str:
     """What to write in the cell file."""
-    fits = [name for name, frame in chain.frames.items() if max(np.divide(_apart(frame, own), (SAME_MM, SAME))) <= 1]
+    fits = [name for name, frame in chain.frames.items() if _same(frame, own)]
     if fits:
         return f'{where}: write "{key}": "{fits[0]}" in $.robot'
     off = inverse(cells) @ own

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workbench.artefacts import Judgement, Moves, Nearest, ProgramMoves, Violation
-from workbench.geometry.moves import arc_lengths_mm, chords_mm
+from workbench.geometry.moves import arc_lengths_mm, chords_mm, runs
 from workbench.geometry.poses import inverse
 from workbench.robot.bounds import SAFE_MM, CollisionScreen
 from workbench.robot.cell_model import Cell, dexterity, turntable_margin
@@ -31,7 +31,6 @@ from workbench.robot.way import (
     WayError,
     between,
     first_look,
-    flange_among_targets,
     joined,
     timed_faults,
     way_of,
@@ -118,7 +117,7 @@ class JudgedCell(Cell):
 def _way(cell: Cell, program: ProgramMoves) -> tuple[Way, dict[str, Float]]:
     """The way, and the tools by name."""
     tools, frames = _frames(cell, program)
-    return way_of(program, tools, frames, flange_among_targets(cell), cell.rated_speeds), tools
+    return way_of(cell, program, tools, frames), tools
 
 
 def _frames(cell: Cell, program: ProgramMoves) -> tuple[dict[str, Float], dict[str, Float]]:
@@ -190,9 +189,8 @@ def _off_the_path(cell: Cell, way: Way, places: Places, on_path: Bool) -> list[t
     if strict.may_touch == cell.may_touch or not joint_moves.any():
         return []
     screen = CollisionScreen(strict)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], joint_moves, [False]])))
-    for low, high in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        _proven(screen, way, places.at(np.arange(max(low - 1, 0), high)), found)
+    for first, last in runs(joint_moves):
+        _proven(screen, way, places.at(np.arange(max(first - 1, 0), last + 1)), found)
     return [fault for fault in found.faults if fault[2] == "collision"]
 
 

@@ -135,12 +135,17 @@ def _motions(axes: AnyArray, points: AnyArray, q: AnyArray) -> AnyArray:
         for i in range(6):
             turn_about_axis(turn, 0, axes, points, i, q[n, i])
             moved[n, i + 1, 3, 3] = 1.0
-            for r in range(3):
-                a, b, c = moved[n, i, r, 0], moved[n, i, r, 1], moved[n, i, r, 2]
-                for k in range(4):
-                    moved[n, i + 1, r, k] = a * turn[0, 0, k] + b * turn[0, 1, k] + c * turn[0, 2, k]
-                moved[n, i + 1, r, 3] += moved[n, i, r, 3]
+            compose(moved[n], i + 1, moved[n], i, turn, 0)
     return moved
+
+
+@kernel
+def compose(out: AnyArray, o: int, a: AnyArray, i: int, b: AnyArray, j: int) -> None:
+    """out[o] = a[i] b[j], of rigid motions in their first three rows."""
+    for r in range(3):
+        for c in range(4):
+            out[o, r, c] = a[i, r, 0] * b[j, 0, c] + a[i, r, 1] * b[j, 1, c] + a[i, r, 2] * b[j, 2, c]
+        out[o, r, 3] += a[i, r, 3]
 
 
 @kernel

@@ -8,12 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from workbench.artefacts import ProgramMove, ProgramMoves, ProgramTool
-from workbench.geometry.poses import inverse
 from workbench.robot.cell_model import Cell
-from workbench.robot.collision import base_from_targets
 from workbench.robot.judge import follows, judge
-from workbench.robot.kinematics import forward_kinematics
 from workbench.robot.process import drawn_back, turntable_at_home
+from workbench.robot.way import flange_among_targets
 from workbench.units import DEG, Float, Shaped
 
 Refusal = tuple[str, tuple[str, str] | None]  # kind of the violation, and the pair of bodies of a collision
@@ -66,8 +64,7 @@ def _by_joints(joints: Float, table: Float) -> ProgramMove:
 
 
 def _straight(cell: Cell, joints: Float, table: Float, feed_mm_s: float) -> ProgramMove:
-    flange = inverse(base_from_targets(cell, table)) @ forward_kinematics(cell.chain, joints)
-    pose = flange @ cell.flange_from_cutter
+    pose = flange_among_targets(cell, joints, table) @ cell.flange_from_cutter
     return ProgramMove(1, "L", TOOL, TOOL, pose=pose, feed_mm_s=feed_mm_s, turntable=table)
 
 

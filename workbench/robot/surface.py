@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workbench.artefacts import Layer, Toolpath, Travel
-from workbench.geometry.moves import arc_lengths_mm, chords_mm
+from workbench.geometry.moves import arc_lengths_mm, chords_mm, runs
 from workbench.geometry.poses import interpolate_poses, inverse
 from workbench.robot.cell_model import Cell
 from workbench.robot.collision import turntable_pose
@@ -179,11 +179,11 @@ def _first(position: Float, target: Float, near: float) -> int | None:
     if len(position) < 2:
         return None
     distance = _to_segments(target, position[:-1], np.diff(position, axis=0))[0]
-    hits = np.flatnonzero(distance < near)
-    if not len(hits):
+    passes = runs(distance < near)
+    if not passes:
         return None
-    run = hits[: int(np.append(np.flatnonzero(np.diff(hits) > 1) + 1, len(hits))[0])]
-    best = int(run[distance[run].argmin()])
+    begin, end = passes[0]
+    best = begin + int(distance[begin : end + 1].argmin())
     return best + int(np.linalg.norm(position[best + 1] - target) < np.linalg.norm(position[best] - target))
 
 

@@ -103,16 +103,16 @@ def track_joint(
     path: Path,
     name: str,
     base_frame: str,
-    packages: Mapping[str, Path] | None = None,
-    arguments: Mapping[str, str] | None = None,
+    packages: dict[str, Path],
+    arguments: Mapping[str, str],
 ) -> tuple[Float, Float, float, frozenset[str]]:
     """A prismatic joint below the robot: direction (3,) of the base in itself, limits (2,) mm, mm/s, links before it.
 
     Raises:
         InputError: no such joint, another kind, without limits, or not below the base frame.
     """
-    document = _parsed(path, packages_around(path) | dict(packages or {}), arguments)
-    named = {joint.get("name", ""): joint for joint in document.iterfind("joint")}
+    document = _parsed(path, packages_around(path) | packages, arguments)
+    named = _joints(document)
     joint, where = named.get(name), f"{path}: {name!r}"
     if joint is None:
         raise InputError(where, f"unknown joint{nearest(name, named)} ($.track.joint)")
@@ -147,6 +147,11 @@ def _bodies(model: pin.Model, data: pin.Data, to_base: Float) -> Bodies | None:
     return Bodies(mass, centre, np.array([turn @ one.inertia @ turn.T for one in placed]))
 
 
+def _joints(document: ElementTree.Element) -> dict[str, ElementTree.Element]:
+    """The joints by name."""
+    return {joint.get("name", ""): joint for joint in document.iterfind("joint")}
+
+
 def _towards(named: Mapping[str, ElementTree.Element], link: str) -> Iterator[str]:
     """Names of the joints from the root to a link, the last one first."""
     above = {_link(joint, "child"): (name, _link(joint, "parent")) for name, joint in named.items()}
@@ -164,12 +169,9 @@ def _link(joint: ElementTree.Element, which: str) -> str:
 
 def _mimicking(document: ElementTree.Element, held: Mapping[str, float], path: Path) -> dict[str, float]:
     """Joints that stand, with those that mimic one of them: deg (+-180 of continuous ones), or mm."""
-    stand, kinds = dict(held), {joint.get("name", ""): joint.get("type") for joint in document.iterfind("joint")}
-    mimics = {
-        joint.get("name", ""): mimic
-        for joint in document.iterfind("joint")
-        if (mimic := joint.find("mimic")) is not None
-    }
+    stand, named = dict(held), _joints(document)
+    kinds = {name: joint.get("type") for name, joint in named.items()}
+    mimics = {name: mimic for name, joint in named.items() if (mimic := joint.find("mimic")) is not None}
     for _ in mimics:  # one may mimic another
         for name, mimic in mimics.items():
             master = mimic.get("joint", "")
@@ -186,7 +188,7 @@ def _mimicking(document: ElementTree.Element, held: Mapping[str, float], path: P
 
 def _check_kinds(document: ElementTree.Element, held: Mapping[str, float], flange_frame: str, path: Path) -> None:
     """Refuse joints that are none of six by their names; continuous ones get limits, for pin to take them as others."""
-    named = {joint.get("name", ""): joint for joint in document.iterfind("joint")}
+    named = _joints(document)
     arm = set(_towards(named, flange_frame))
     for name in held:
         if name not in named:
@@ -226,11 +228,10 @@ def _held(model: pin.Model, document: ElementTree.Element, held: Mapping[str, fl
     """The model with some joints fixed where the cell says."""
     if not held:
         return model
-    kinds = {joint.get("name"): joint.get("type") for joint in document.iterfind("joint")}
-    q = pin.neutral(model)
+    named, q = _joints(document), pin.neutral(model)
     for name, value in held.items():
         joint = model.joints[model.getJointId(name)]
-        at = value / MM if kinds[name] == "prismatic" else value * DEG
+        at = value / MM if named[name].get("type") == "prismatic" else value * DEG
         low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
         if not low - 1e-9 <= at <= high + 1e-9:
             raise InputError(f"{path}: {name}", f"expected a place within its limits in $.robot.held, found {value:g}")
@@ -354,19 +355,18 @@ def _check_joints(model: pin.Model, path: Path) -> None:
             "stand where $.robot.held says",
         )
     for i, joint in enumerate(model.joints[1:]):
+        where, low, high = f"{path}: {model.names[i + 1]}", model.lowerPositionLimit[i], model.upperPositionLimit[i]
         if "JointModelR" not in joint.shortname() or model.parents[i + 1] != i:
-            raise InputError(f"{path}: {model.names[i + 1]}", "expected a revolute joint, all six in one chain")
-        if not model.lowerPositionLimit[i] < model.upperPositionLimit[i]:
-            raise InputError(f"{path}: {model.names[i + 1]}", "expected limits with lower < upper")
-        low, high = model.lowerPositionLimit[i], model.upperPositionLimit[i]
+            raise InputError(where, "expected a revolute joint, all six in one chain")
+        if not low < high:
+            raise InputError(where, "expected limits with lower < upper")
         # More than a continuous joint is given; axes 4 and 6 of some arms do turn many times.
         if i in (0, 1, 2, 4) and max(-low, high) > 1.01 * TURNS * 2 * np.pi:
             raise InputError(
-                f"{path}: {model.names[i + 1]}",
-                f"expected limits in radians, found {low:g}, {high:g}: degrees? Divide them by 57.3",
+                where, f"expected limits in radians, found {low:g}, {high:g}: degrees? Divide them by 57.3"
             )
         if not model.velocityLimit[i] > 0:
-            raise InputError(f"{path}: {model.names[i + 1]}", "expected a limit with a velocity above 0")
+            raise InputError(where, "expected a limit with a velocity above 0")
     middle, speed = (
         float(np.median(model.upperPositionLimit - model.lowerPositionLimit)),
         model.velocityLimit,

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -41,7 +41,6 @@ from workbench.robot.surface import NO_LENGTH_MM
 from workbench.units import DEG, AnyArray, Bool, Float, Int, Shaped
 
 Values = Float | float  # of the external axes, rad: one number, of several a vector
-ToFlange = Callable[[Float, Values], Float]  # the flange (4, 4) among the targets, at joint angles (6,) and such values
 STRAIGHT, CIRCULAR, CORNER, JOINTS = range(4)
 MOST_TURN = 170 * DEG  # of a move's orientation: beyond it, controllers may take either way round
 BLENDING_JOINTS = "a joint move that blends: its way depends on the controller; expected a stop before and after it"
@@ -161,21 +160,14 @@ class _Leg:
         return q0, q1
 
 
-def way_of(
-    program: ProgramMoves,
-    tools: Mapping[str, Float],
-    work_objects: Mapping[str, Float],
-    flange_at: ToFlange,
-    rated: Shaped[Float, " m"],
-) -> Way:
+def way_of(cell: Cell, program: ProgramMoves, tools: Mapping[str, Float], work_objects: Mapping[str, Float]) -> Way:
     """The way of a program from its first target on.
 
     Args:
+        cell: robot and external axes.
         program: its first move gives joint angles.
         tools: flange_from_tool (4, 4) by name, those of the controller included.
         work_objects: base_from_workobject (4, 4) by name.
-        flange_at: function from joint angles (6,) and the turntable's to the flange's pose (4, 4) among the targets.
-        rated: (7 or more,) largest speeds of the joints and the external axes, rad/s.
 
     Raises:
         WayError: a first move without joint angles, an orientation that turns too far, a circle that is none, a joint
@@ -185,7 +177,7 @@ def way_of(
     start: Float = np.empty(0)
     joints: Float | None = None
     flange: Float | None = None
-    table: Values = np.zeros(len(rated) - 6) if len(rated) > 7 else 0.0
+    table: Values = np.zeros(len(cell.axes)) if len(cell.axes) > 1 else 0.0
     for i, move in enumerate(program.moves):
         if move.turntable is not None and np.shape(move.turntable) != np.shape(table):
             said = f"the program drives {np.size(move.turntable)} external axes, the cell has {np.size(table)}"
@@ -197,20 +189,19 @@ def way_of(
                     move.line,
                     "the first move gives no joint angles: expected the program to say in which posture it begins",
                 )
-            start, flange, table = move.joints, flange_at(move.joints, end_table), end_table
+            start, flange, table = move.joints, flange_among_targets(cell, move.joints, end_table), end_table
             joints = start
             continue
         assert flange is not None
-        leg = _leg(
-            i, move, tools[move.tool], work_objects.get(move.work_object), joints, flange, (table, end_table), flange_at
-        )
+        frame = work_objects.get(move.work_object)
+        leg = _leg(cell, i, move, tools[move.tool], frame, joints, flange, (table, end_table))
         leg.seconds = _seconds(program.moves[i - 1], move)
         legs.append(leg)
         joints = move.joints if leg.kind == JOINTS else None
         flange, table = leg.end @ inverse(leg.tool), end_table
     if not legs:
         raise WayError(1, "the program moves nowhere but to its first target")
-    rows = [_row(leg, after, rated) for leg, after in _rounded(legs)]
+    rows = [_row(leg, after, cell.rated_speeds) for leg, after in _rounded(legs)]
     return Way(*map(np.array, zip(*rows, strict=True)), start)  # type: ignore[call-arg]  # as many as `_row` gives
 
 
@@ -224,6 +215,7 @@ def _seconds(before: ProgramMove, move: ProgramMove) -> float | None:
 
 
 def _leg(
+    cell: Cell,
     i: int,
     move: ProgramMove,
     tool: Float,
@@ -231,7 +223,6 @@ def _leg(
     joints: Float | None,
     flange: Float,
     tables: tuple[Values, Values],
-    flange_at: ToFlange,
 ) -> _Leg:
     start = flange @ tool
     if move.kind == "J":
@@ -242,7 +233,8 @@ def _leg(
         if move.zone_mm > 0:
             raise WayError(move.line, BLENDING_JOINTS)
         both = (np.full(6, np.nan) if joints is None else joints, move.joints)
-        return _Leg(i, move, JOINTS, tool, start, flange_at(move.joints, tables[1]) @ tool, tables, both)
+        end = flange_among_targets(cell, move.joints, tables[1]) @ tool
+        return _Leg(i, move, JOINTS, tool, start, end, tables, both)
     assert move.pose is not None
     assert frame is not None
     end = frame @ move.pose
@@ -358,8 +350,7 @@ def first_look(cell: Cell, way: Way) -> tuple[Way, Places]:
     The robot follows from its first posture on: of all postures that reach a place the nearest to the one before.
     """
     segment, share = _grid(way)
-    tool, table = way.tool(segment, share)
-    flange = base_from_targets(cell, table) @ tool @ inverse(way.flange_from_tool[segment])
+    tool, table, flange = _in_space(cell, way, segment, share)
     joints, at, starts = np.full((len(segment), 6), np.nan), way.start_joints, way.joints.copy()
     bounds = np.flatnonzero(np.append(True, np.diff(way.kind[segment] == JOINTS) != 0))
     for low, high in zip(bounds, np.append(bounds[1:], len(segment)), strict=True):
@@ -380,8 +371,7 @@ def between(cell: Cell, way: Way, before: Places, after: Places) -> Places:
     """The places in the middle of neighbours; a place that ends a segment begins the next one."""
     start = np.where(before.segment == after.segment, before.share, 0.0)
     segment, share = after.segment, (start + after.share) / 2
-    tool, table = way.tool(segment, share)
-    flange = base_from_targets(cell, table) @ tool @ inverse(way.flange_from_tool[segment])
+    tool, table, flange = _in_space(cell, way, segment, share)
     joints = np.full((len(segment), 6), np.nan)
     by_joints = way.kind[segment] == JOINTS
     joints[by_joints] = way.joint_move(segment[by_joints], share[by_joints])
@@ -392,10 +382,16 @@ def between(cell: Cell, way: Way, before: Places, after: Places) -> Places:
     return _standing(cell, way, segment, share, joints, tool, table)
 
 
+def _in_space(cell: Cell, way: Way, segment: Int, share: Float) -> tuple[Float, Float, Float]:
+    """Tool and external axes at places (n,), as `Way.tool` has them, and poses (n, 4, 4) of the flange in the base."""
+    tool, table = way.tool(segment, share)
+    return tool, table, base_from_targets(cell, table) @ tool @ inverse(way.flange_from_tool[segment])
+
+
 def _standing(cell: Cell, way: Way, segment: Int, share: Float, joints: Float, tool: Float, table: Float) -> Places:
     by_joints = way.kind[segment] == JOINTS
     tool = tool.copy()
-    flange = inverse(base_from_targets(cell, table[by_joints])) @ forward_kinematics(cell.chain, joints[by_joints])
+    flange = flange_among_targets(cell, joints[by_joints], table[by_joints])
     tool[by_joints] = flange @ way.flange_from_tool[segment[by_joints]]
     return Places(segment, share, joints, table, tool)
 
@@ -452,9 +448,9 @@ def _choose(branches: AnyArray, wanted: AnyArray, found: AnyArray) -> None:
                 found[i] = one[i]
 
 
-def flange_among_targets(cell: Cell) -> ToFlange:
-    """For `way_of`."""
-    return lambda q, table: inverse(base_from_targets(cell, table)) @ forward_kinematics(cell.chain, q)
+def flange_among_targets(cell: Cell, joints: Float, table: Values) -> Float:
+    """The flange (..., 4, 4) in the frame in which programs have their targets, at joint angles (..., 6)."""
+    return inverse(base_from_targets(cell, table)) @ forward_kinematics(cell.chain, joints)
 
 
 def axis_name(cell: Cell, i: int) -> str:

@@ -150,21 +150,19 @@ def _wrist(chain: Chain) -> tuple[Float, Float, int]:
     return (offset.on_4_mm, offset.on_6_mm, 4) if parallel else (offset.on_4_mm, offset.on_4_mm, 3)
 
 
-def level_joint_3(chain: Chain, joints: Float) -> Float:
+def level_joint_3(chain: Chain, joints: Float, sense: float = 1.0) -> Float:
     """Joint angles (..., 6) as a controller counts them whose joint 3 is against the ground, not the upper arm (FANUC).
 
     Such a controller turns joint 3 along when joint 2 moves alone, so that the forearm keeps its slope.
     """
     q = np.array(joints, float)
-    q[..., 2] += np.sign(chain.axes[1] @ chain.axes[2]) * q[..., 1]
+    q[..., 2] += sense * np.sign(chain.axes[1] @ chain.axes[2]) * q[..., 1]
     return q
 
 
 def free_joint_3(chain: Chain, joints: Float) -> Float:
     """The other way round: joint 3 against the upper arm, as a URDF counts it."""
-    q = np.array(joints, float)
-    q[..., 2] -= np.sign(chain.axes[1] @ chain.axes[2]) * q[..., 1]
-    return q
+    return level_joint_3(chain, joints, -1.0)
 
 
 # The wrist's centre, solved backwards.

@@ -10,13 +10,13 @@ import pytest
 
 from tests.program.paths import thinned as with_points
 from tests.seldom import seldom
-from workbench.api import inverse, rotation_from_vector
+from workbench.api import inverse, rotation_from_vector, turn_about_z
 from workbench.artefacts import PathGate, Postures, Toolpath
 from workbench.errors import InputError
 from workbench.path import read
 from workbench.plugins.stiffness import force, posture
 from workbench.plugins.stiffness.elastic import give_way
-from workbench.plugins.stiffness.path_points import path_points, turn_about_z
+from workbench.plugins.stiffness.path_points import path_points
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
 from workbench.robot import (
     SIDES,

@@ -31,6 +31,7 @@ from workbench.api import (
     mapped,
     pose_from,
     spherical_wrist,
+    turn_about_z,
     within_limits,
 )
 from workbench.plugins.stiffness.arm_kernels import (
@@ -41,7 +42,6 @@ from workbench.plugins.stiffness.arm_kernels import (
     traverse_kernel,
 )
 from workbench.plugins.stiffness.elastic import pushed
-from workbench.plugins.stiffness.path_points import turn_about_z
 
 MOST_POSES = 60_000  # of one call: some minutes where the inverse is a search
 NO_SPRINGS = np.ones(6)  # where nobody knows them: joint angles take no notice

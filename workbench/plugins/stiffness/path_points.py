@@ -96,15 +96,6 @@ class PathPoints:
         return self.moved(cell, self.external(table, np.zeros((1,) * np.ndim(at), int) if steady else at))
 
 
-def turn_about_z(angles: Float) -> Float:
-    """Poses (..., 4, 4) turned by angles (...) about z."""
-    turn = np.zeros((*np.shape(angles), 4, 4))
-    turn[..., 0, 0] = turn[..., 1, 1] = np.cos(angles)
-    turn[..., 1, 0], turn[..., 0, 1] = np.sin(angles), -np.sin(angles)
-    turn[..., 2, 2] = turn[..., 3, 3] = 1.0
-    return turn
-
-
 def path_points(
     toolpath: Toolpath, force: MillingForce, *, load: Load, reach_mm: float, planned: Float | float
 ) -> PathPoints:

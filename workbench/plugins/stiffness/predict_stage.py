@@ -15,10 +15,11 @@ from workbench.api import (
     forward_kinematics,
     pose_from,
     stage,
+    turn_about_z,
 )
 from workbench.plugins.csv_table import csv_bytes
 from workbench.plugins.stiffness.elastic import pushed
-from workbench.plugins.stiffness.path_points import Load, turn_about_z
+from workbench.plugins.stiffness.path_points import Load
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
 
 

@@ -30,6 +30,7 @@ from workbench.api import (
     forward_kinematics,
     inverse,
     refusal,
+    turn_about_z,
     turntable_at_home,
     within_margins,
 )
@@ -45,7 +46,7 @@ from workbench.plugins.stiffness.arm import (
 )
 from workbench.plugins.stiffness.elastic import pushed
 from workbench.plugins.stiffness.margins import Steadiness
-from workbench.plugins.stiffness.path_points import PathPoints, turn_about_z
+from workbench.plugins.stiffness.path_points import PathPoints
 
 MOST_STEP = 15 * DEG  # of a joint between neighbouring points: beyond it the wrist swings through its singularity
 COLLISION = 4  # beside what an arm says of a posture

@@ -14,22 +14,27 @@ from workbench.api import (
     InputError,
     Limits,
     Recording,
-    frozen,
     pieces,
-    pose_from,
     refuse_unsound,
     stage,
 )
 from workbench.plugins.calibration.circles_stage import HARMLESS
 from workbench.plugins.calibration.determinacy import Demand, check_postures, directions
 from workbench.plugins.calibration.fixed_faces import part_of
-from workbench.plugins.calibration.model import Noise, view_of_points, volume_u
+from workbench.plugins.calibration.model import Noise, view_of_points
 from workbench.plugins.calibration.profile_lines import Target, marks_of
 from workbench.plugins.calibration.search import located, undetermined
 from workbench.plugins.calibration.suspicions import rotation_warnings
 from workbench.plugins.calibration.tables import fit_words, noisy, sentence
 from workbench.plugins.calibration.values import Rejected
-from workbench.plugins.calibration.verdicts import directions_html, hand_eye_file, pose_facts, serves
+from workbench.plugins.calibration.verdicts import (
+    Sensor,
+    directions_html,
+    hand_eye_file,
+    hand_eye_of,
+    pose_facts,
+    serves,
+)
 from workbench.plugins.ranges import BevelDeg, BevelToleranceDeg, LengthMm, NoiseDeg, NoiseMm, SensorScaleU, ToleranceMm
 
 NO_SUCH = "is the part fixed and flat, and are the poses the flange's, in order?"
@@ -120,12 +125,8 @@ def hand_eye_faces(
         warned += (f"{len(left_out)} of {len(frames)} profiles left out: all others contradict them (frames {named})",)
     if not alone:
         warned += ("a second answer fits nearly as well: turn the flange about another axis",)
-    pose, of_pose = pose_from(best.at.pose.rotation, best.at.pose.translation_mm), covariance[:6, :6]
-    volume = volume_u(of_pose, best.at.pose.rotation, view)
-    first = covariance.shape[0] - 2 - part.with_offset
-    middle = (part.middle_mm[0], part.middle_mm[1])
-    dated = recording.part.recorded_at
-    eye = HandEye(frozen(pose), frozen(of_pose), recording.source, dated, volume, sensor_middle_mm=middle)
+    of_pose, first = covariance[:6, :6], covariance.shape[0] - 2 - part.with_offset
+    eye = hand_eye_of(best.at.pose, of_pose, view, recording, Sensor(np.zeros(2), part.middle_mm))
     clock = (best.at.pose.offset_s, np.sqrt(covariance[-1, -1])) if part.with_offset else None
     residual = np.sqrt(np.mean(best.rows.residual[best.used] ** 2))
     more = {
@@ -146,6 +147,6 @@ def hand_eye_faces(
             directions_html(directions(of_pose, best.at.pose, view)),
         )
     )
-    summary = f"Predicted error over the field of view {volume:.3f} mm (standard uncertainty); {verdict[1]}."
+    summary = f"Predicted error over the field of view {eye.volume_u_mm:.3f} mm (standard uncertainty); {verdict[1]}."
     chapter = Chapter("Hand-eye calibration", html, summary=summary, part=recording.part, warnings=warned)
     return eye, document, chapter

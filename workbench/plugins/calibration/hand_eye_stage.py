@@ -45,6 +45,7 @@ from workbench.plugins.calibration.values import Calibration, Method, SphereProf
 from workbench.plugins.calibration.verdicts import (
     Sensor,
     hand_eye_file,
+    hand_eye_of,
     observed,
     rejections,
     rescaled,
@@ -220,14 +221,12 @@ def _calibration(
     with_offset = isinstance(answer.sphere.flange, Timed)
     linear = linearise(estimate, seen, noise)
     covariance = result.covariance[:6, :6]
-    pose = pose_from(estimate.rotation, estimate.translation_mm)
     centre, before = signed_centres(estimate, linear, seen), estimate
     if (design := recording.flange_from_profiler) is not None:
         before = replace(estimate, rotation=design[:3, :3], translation_mm=design[:3, 3])
     used = [frame for frames, good in zip(seen.frames, result.used, strict=True) for frame in frames if good]
     off = estimator.distance(Sphere(seen, noise).rows(estimate), result.used, result.covariance[: SIZE + 2, : SIZE + 2])
     offset_u = np.sqrt(result.covariance[-1, -1]) if with_offset else None
-    volume = volume_u(covariance, estimate.rotation, view)
     pairs = [(frame, k) for k in np.flatnonzero(result.used) for frame in seen.frames[k]]
     frame, k = np.array(pairs).T
     (x, z), (middle_x, y, middle_z) = sensor.true(recording), np.moveaxis(linear.centre[k, :, None], 1, 0)
@@ -236,20 +235,12 @@ def _calibration(
     return Calibration(
         part=recording.part,
         method=method,
-        hand_eye=HandEye(
-            frozen(pose),
-            frozen(covariance),
-            recording.source,
-            recording.part.recorded_at,
-            volume,
-            (1.0 + sensor.error[0], 1.0 + sensor.error[1]),
-            (sensor.middle_mm[0], sensor.middle_mm[1]),
-        ),
+        hand_eye=hand_eye_of(estimate, covariance, view, recording, sensor),
         sensor_scale_u=(scale_u[0], scale_u[1]),
         sphere_center_mm=estimate.center_mm,
         sphere_radius_mm=estimate.radius_mm,
         covariance=frozen(covariance),
-        volume_u_mm=volume,
+        volume_u_mm=volume_u(covariance, estimate.rotation, view),
         directions=directions(covariance, estimate, view),
         noise=noise,
         view=view,

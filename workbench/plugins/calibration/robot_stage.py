@@ -19,9 +19,7 @@ from workbench.api import (
     Recording,
     Shaped,
     estimator,
-    frozen,
     inverse,
-    pose_from,
     stage,
     vector_from_rotation,
 )
@@ -49,7 +47,7 @@ from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.solve import solve
 from workbench.plugins.calibration.tables import JOINTS, enough, fit_fields, fit_words, noisy, rms_mm
 from workbench.plugins.calibration.values import Rejected, SphereProfiles
-from workbench.plugins.calibration.verdicts import hand_eye_file, serves, view_of
+from workbench.plugins.calibration.verdicts import Sensor, hand_eye_file, hand_eye_of, serves, view_of
 from workbench.plugins.csv_table import Table
 from workbench.plugins.ranges import BevelDeg, BevelToleranceDeg, Deviation, LengthMm, NoiseDeg, NoiseMm, ToleranceMm
 
@@ -177,10 +175,9 @@ def robot(
     verdict = enough(seen_u, bevel_deg, root_tolerance_mm, "the profiler on the corrected robot", "add postures")
     warnings = tuple(left_out.values()) + noisy(found, "the sphere's places", "did it move, does the robot repeat?")
     both = as_flange_errors(chain, arm, found, angles[kept], view)
-    together_u = volume_u(both, estimate.rotation, view)
-    pose = pose_from(estimate.rotation, estimate.translation_mm)
+    hand_eye = hand_eye_of(estimate, both, view, recording, Sensor(np.zeros(2), np.zeros(2)))
     more = {
-        "flange_from_profiler": pose,
+        "flange_from_profiler": hand_eye.flange_from_profiler,
         "hand_eye_covariance": covariance[:6, :6],
         "volume_u_mm": u,
         "u_mm": seen_u,
@@ -193,11 +190,10 @@ def robot(
     }
     said = (
         f"The sphere's places lie {rms:.3f} mm RMS (x and z) from the model, {more['residual_rms_as_built_mm']:.3f} mm "
-        f"with the robot as built. {fit_words(found)} A point over the field of view: u = {together_u:.3f} mm of the "
-        f"hand-eye pose with these errors, {u:.3f} mm by itself."
+        f"with the robot as built. {fit_words(found)} A point over the field of view: "
+        f"u = {hand_eye.volume_u_mm:.3f} mm of the hand-eye pose with these errors, {u:.3f} mm by itself."
     )
     document, chapter = robot_results(arm, found.at.errors, covariance[SIZE:, SIZE:], more, said, recording.part)
-    hand_eye = HandEye(frozen(pose), frozen(both), recording.source, recording.part.recorded_at, together_u)
     serving = serves(
         both,
         estimate.rotation,

@@ -18,12 +18,14 @@ from workbench.api import (
     Part,
     Recording,
     estimator,
+    frozen,
     pieces,
+    pose_from,
     result_file,
     rpy_from_rotation,
 )
 from workbench.plugins.calibration.circles_stage import fit_arc
-from workbench.plugins.calibration.model import Linear, Noise, View, place_u, view_of_points
+from workbench.plugins.calibration.model import Estimate, Linear, Noise, View, place_u, view_of_points, volume_u
 from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.solve import Answer
 from workbench.plugins.calibration.tables import enough
@@ -97,6 +99,20 @@ def observed(profiles: SphereProfiles, recording: Recording, sensor: Sensor) -> 
     )
     change = np.stack([(one.circle - here.circle) / STEP for one in more], axis=2)
     return replace(here, by_scale=change, scale=sensor.error)
+
+
+def hand_eye_of(estimate: Estimate, covariance: Float, view: View, recording: Recording, sensor: Sensor) -> HandEye:
+    """A hand-eye pose as other stages take it, with its covariance (6, 6) and what is taken out of the sensor."""
+    (x, z), (middle_x, middle_z) = sensor.error, sensor.middle_mm
+    return HandEye(
+        frozen(pose_from(estimate.rotation, estimate.translation_mm)),
+        frozen(covariance),
+        recording.source,
+        recording.part.recorded_at,
+        volume_u(covariance, estimate.rotation, view),
+        (1.0 + x, 1.0 + z),
+        (middle_x, middle_z),
+    )
 
 
 def serves(

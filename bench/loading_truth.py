@@ -16,8 +16,7 @@ from bench.harness import ROOT
 from workbench.plugins.stiffness import plan_loads
 from workbench.plugins.stiffness.simulate_loads_stage import simulate_tests
 from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD, TABLE_A1_DEG, JointStiffness, LoadingTests
-from workbench.robot import Cell, abb_angles, read_cell
-from workbench.robot.cell_model import LoadingSetup
+from workbench.robot import Cell, LoadingSetup, abb_angles, read_cell
 from workbench.units import Float
 
 CELL = ROOT / "data" / "robot" / "cell.json"
@@ -52,8 +51,8 @@ def known(condition: str) -> Known:
 def noisy(exact: LoadingTests, setup: LoadingSetup, seed: int) -> LoadingTests:
     """The tests with the cell's noise on wrench and displacement."""
     rng = np.random.default_rng(seed)
-    wrench = exact.wrench + rng.normal(size=exact.wrench.shape) * _wrench_noise(setup)
-    moved = exact.moved + rng.normal(size=exact.moved.shape) * _row_noise(setup, exact.points)
+    wrench = exact.wrench + rng.normal(size=exact.wrench.shape) * setup.wrench_noise
+    moved = exact.moved + rng.normal(size=exact.moved.shape) * setup.moved_noise(exact.points)
     return dataclasses.replace(exact, wrench=wrench, moved=moved)
 
 
@@ -85,19 +84,9 @@ def _bound(cell: Cell, setup: LoadingSetup, exact: LoadingTests, targets: int) -
         k, wrench = K * np.exp(off), exact.wrench + more
         return simulate_tests(cell.chain, setup, k, exact.joints, wrench, exact.labels, targets=targets).moved
 
-    rows = _row_noise(setup, targets)
+    rows = setup.moved_noise(targets)
     by_wrench = differences(lambda more: moved(np.zeros(6), more), np.full(6, STEP_N)).reshape(-1, len(rows), 6)
-    through = by_wrench * _wrench_noise(setup)
+    through = by_wrench * setup.wrench_noise
     noise = through @ np.swapaxes(through, 1, 2) + np.diag(rows**2)
     bound = cramer_rao(lambda off: moved(off, np.zeros(6)), np.full(6, STEP), noise, np.zeros(6))
     return np.sqrt(np.diag(bound))
-
-
-def _wrench_noise(setup: LoadingSetup) -> Float:
-    return np.array([setup.force_noise_n] * 3 + [setup.torque_noise_nm] * 3)
-
-
-def _row_noise(setup: LoadingSetup, targets: int) -> Float:
-    if targets:
-        return np.full(3 * targets, setup.target_noise_mm)
-    return np.array([setup.displacement_noise_mm] * 3 + [setup.rotation_noise] * 3)

@@ -6,7 +6,8 @@ tests. Collision is python-fcl's.
 
 from workbench.artefacts.showing import shown_all
 from workbench.robot.bounds import CollisionScreen
-from workbench.robot.cell_model import Cell, LoadingSetup, Margins, Shape, Turntable, dexterity, within_margins
+from workbench.robot.cell_file import LoadingSetup
+from workbench.robot.cell_model import Cell, Margins, Shape, Turntable, dexterity, within_margins
 from workbench.robot.cell_stage import cell, read_cell
 from workbench.robot.collision import (
     Clearance,

@@ -11,7 +11,7 @@ from workbench.geometry.poses import RIGID, is_rigid, pose_from, rotation_from_q
 from workbench.parameters import INDEXED, NAME
 from workbench.robot.makers import Make
 from workbench.robot.wrist import Side, refuse_contradiction
-from workbench.units import Float
+from workbench.units import DEG, Float
 
 Length = Annotated[float, Field(ge=-1e5, le=1e5)]
 Size = Annotated[float, Field(ge=1e-3, le=1e5)]
@@ -62,10 +62,16 @@ def _matrix(pose: Placed | Matrix) -> Float:
     return matrix
 
 
+def _rows(points: list[Point]) -> Float:
+    return np.array(points, float).reshape(-1, 3)
+
+
 if TYPE_CHECKING:
     Pose = Float  # (4, 4), whichever way the file gives it
+    Points = Float  # (k, 3)
 else:
     Pose = Annotated[Placed | Matrix, AfterValidator(_matrix)]  # or the 4x4 matrix `a_from_b`, row-major
+    Points = Annotated[list[Point], AfterValidator(_rows)]
 
 
 class RobotPart(_Part):
@@ -308,18 +314,33 @@ class WorkObjectPart(_Part):
     pose: Pose = Field(default=Placed(), validate_default=True, description="of the frame in the base")
 
 
-class LoadingPart(_Part):
+class LoadingSetup(_Part):
     """What is mounted for loading tests; noise is the standard deviation of loaded minus unloaded."""
 
     flange_from_sensor: Pose = Field(description="frame of the force and torque sensor")
     flange_from_tool: Pose = Field(description="the tool frame, whose displacement is given in six dimensions")
-    targets_mm: list[Point] = Field(default=[], description="tracked points p1, p2, ... in the flange frame")
-    load_points_mm: list[Point] = Field(default=[], description="where a force can be applied, in the flange frame")
+    targets_mm: Points = Field(
+        default=[], validate_default=True, description="tracked points p1, p2, ... in the flange frame"
+    )
+    load_points_mm: Points = Field(
+        default=[], validate_default=True, description="where a force can be applied, in the flange frame"
+    )
     force_noise_n: float = Field(default=0.5, gt=0, description="each axis")
     torque_noise_nm: float = Field(default=0.05, gt=0, description="each axis")
     displacement_noise_mm: float = Field(default=0.01, gt=0, description="of the tool frame, each axis")
     rotation_noise_deg: float = Field(default=0.002, gt=0, description="of the tool frame, each axis")
     target_noise_mm: float = Field(default=0.015, gt=0, description="of a tracked point, each axis")
+
+    @property
+    def wrench_noise(self) -> Float:
+        """Of force and torque (6,), N and Nm."""
+        return np.repeat([self.force_noise_n, self.torque_noise_nm], 3)
+
+    def moved_noise(self, points: int) -> Float:
+        """Of the displacement of tracked points (3 points,), mm; or of the tool frame (6,), where there are none."""
+        if points:
+            return np.full(3 * points, self.target_noise_mm)
+        return np.repeat([self.displacement_noise_mm, self.rotation_noise_deg * DEG], 3)
 
 
 class ControllerPart(_Part):
@@ -445,7 +466,7 @@ class CellPart(_Part):
     track: TrackPart | None = Field(default=None, description="null: the robot stands, or its track does (`held`)")
     workpiece: WorkpiecePart = WorkpiecePart()
     fixtures: list[FixturePart] = []
-    loading: LoadingPart | None = Field(default=None, description="needed by loading tests only")
+    loading: LoadingSetup | None = Field(default=None, description="needed by loading tests only")
     may_touch: list[tuple[str, str]] = Field(default=[], description="pairs of bodies whose contact is no collision")
     margin_mm: float = Field(
         default=5.0, ge=0, le=1000, description="clearance below which a posture counts as colliding"

@@ -1,4 +1,4 @@
-"""The robot cell: robot, tool, turntable, the bodies in it, and how its stiffness is measured. Lengths in mm.
+"""The robot cell: robot, tool, turntable, the bodies in it. Lengths in mm.
 
 And the margins that postures in it keep: how far a robot stays from its limits, from singular postures and from bodies,
 and how well its cell is known.
@@ -17,7 +17,7 @@ from workbench.artefacts import RobotCell
 from workbench.errors import InputError
 from workbench.geometry.moves import chords_mm
 from workbench.geometry.poses import pose_from
-from workbench.robot.cell_file import ControllerPart, ProcessPart, SpindleCurvePart
+from workbench.robot.cell_file import ControllerPart, LoadingSetup, ProcessPart, SpindleCurvePart
 from workbench.robot.kinematics import Chain, jacobian_at, joint_axes
 from workbench.robot.wrist import Side
 from workbench.storage import regular_file
@@ -201,24 +201,6 @@ class Turntable:
     def unit(self) -> str:
         """Of its values divided by DEG."""
         return "mm" if self.slides else "deg"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LoadingSetup:
-    """What is mounted on the flange for loading tests, and its noise (standard deviations of a difference).
-
-    The tool frame is the one whose displacement is given in six dimensions; targets are tracked points.
-    """
-
-    flange_from_sensor: Shaped[Float, "4 4"]
-    flange_from_tool: Shaped[Float, "4 4"]
-    targets_mm: Shaped[Float, "k 3"]  # in the flange frame
-    load_points_mm: Shaped[Float, "m 3"]  # in the flange frame: where a force can be applied
-    force_noise_n: float
-    torque_noise_nm: float
-    displacement_noise_mm: float
-    rotation_noise: float  # rad
-    target_noise_mm: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,7 +15,6 @@ from workbench.robot.cell_file import (
     AxisPart,
     CellPart,
     EnvelopePart,
-    LoadingPart,
     RobotPart,
     ShapePart,
     TrackPart,
@@ -30,7 +29,6 @@ from workbench.robot.cell_model import (
     ON_CRADLE,
     ON_TURNTABLE,
     Cell,
-    LoadingSetup,
     Margins,
     Shape,
     Turntable,
@@ -132,7 +130,7 @@ def read_cell(path: Path) -> Cell:
         shapes=shapes,
         flange_from_cutter=cutter,
         turntable=external,
-        loading=_loading(part.loading),
+        loading=part.loading,
         may_touch=(*part.may_touch, *disabled, *rails),
         unseen=tuple(
             f"collision of {one} and {other}: the SRDF lets them touch ({why})"
@@ -394,19 +392,3 @@ def _turntable(part: TurntablePart) -> Turntable:
 def _axis(pose: Float, part: AxisPart) -> Turntable:
     fastest = None if part.acceleration_deg_s2 is None else part.acceleration_deg_s2 * DEG
     return Turntable(pose, np.array(part.limits_deg) * DEG, part.speed_deg_s * DEG, fastest)
-
-
-def _loading(part: LoadingPart | None) -> LoadingSetup | None:
-    if part is None:
-        return None
-    return LoadingSetup(
-        flange_from_sensor=part.flange_from_sensor,
-        flange_from_tool=part.flange_from_tool,
-        targets_mm=np.array(part.targets_mm, float).reshape(-1, 3),
-        load_points_mm=np.array(part.load_points_mm, float).reshape(-1, 3),
-        force_noise_n=part.force_noise_n,
-        torque_noise_nm=part.torque_noise_nm,
-        displacement_noise_mm=part.displacement_noise_mm,
-        rotation_noise=part.rotation_noise_deg * DEG,
-        target_noise_mm=part.target_noise_mm,
-    )

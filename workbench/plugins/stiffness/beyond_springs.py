@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 import scipy
@@ -117,8 +117,9 @@ def _held(
         if cause.direction is not None:
             directions.append(plain.observed(cause.direction))
             continue
-        other = (_changed(setup, cause.of_setup, cause.unit), _changed(modelled, cause.of_tests, cause.unit))
-        directions.append(plain.observed(equations(chain, *other).residual(compliance) - here) / -STEP)
+        stands = setup.model_copy(update=_changed(setup, cause.of_setup, cause.unit))
+        seen = replace(modelled, **_changed(modelled, cause.of_tests, cause.unit))
+        directions.append(plain.observed(equations(chain, stands, seen).residual(compliance) - here) / -STEP)
     u = np.array([cause.u for cause in causes]) * max(as_built_u, LEAST)
     return causes, Loading(eq, np.stack(directions, axis=2), u)
 
@@ -191,12 +192,9 @@ def _hidden(causes: list[Cause], found: estimator.Fit[Float], changes: Float, u:
     return tuple(words for _, words in worst.values())
 
 
-Changed = TypeVar("Changed", LoadingSetup, LoadingTests)
-
-
-def _changed(one: Changed, by: dict[str, Float], unit: float) -> Changed:
-    """With STEP units of a cause in it."""
-    return replace(one, **{name: getattr(one, name) + STEP * unit * change for name, change in by.items()})
+def _changed(one: LoadingSetup | LoadingTests, by: dict[str, Float], unit: float) -> dict[str, Any]:
+    """Its fields with STEP units of a cause in them."""
+    return {name: getattr(one, name) + STEP * unit * change for name, change in by.items()}
 
 
 def _repeated(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]) -> tuple[float, float, int]:

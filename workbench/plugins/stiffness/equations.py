@@ -94,19 +94,13 @@ def equations(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Equatio
         jacobian=jacobian,
         across_n=np.linalg.norm(np.cross(axes, in_base[:, None, :3]), axis=2),
         reach_mm=np.linalg.norm(sensor[:, None, :3, 3] - points, axis=2),
-        noise=row_noise(setup, tests.points),
+        noise=setup.moved_noise(tests.points),
         links=np.concatenate(links, axis=2),
         seen=seen,
         values=3 if tests.points else 6,
         predicted=lambda compliance: displaced(chain, setup, compliance, tests, STEPS),
-        wrench_noise=np.array([setup.force_noise_n] * 3 + [setup.torque_noise_nm] * 3),
+        wrench_noise=setup.wrench_noise,
     )
-
-
-def row_noise(setup: LoadingSetup, points: int) -> Float:
-    """Standard deviation (r,) of a load's rows: of tracked points, or of the tool frame where there are none."""
-    of_tool = [setup.displacement_noise_mm] * 3 + [setup.rotation_noise] * 3
-    return np.full(3 * points, setup.target_noise_mm) if points else np.array(of_tool)
 
 
 def displaced(

@@ -236,13 +236,13 @@ def rounded(setup: LoadingSetup, tests: LoadingTests) -> LoadingSetup:
 
     shifts, turns = (tests.moved, tests.moved[:, :0]) if tests.points else (tests.moved[:, :3], tests.moved[:, 3:])
     changes: dict[str, Any] = {}
-    for name, values, unit, most in (
-        ("force_noise_n", tests.wrench[:, :3], 1.0, math.inf),
-        ("torque_noise_nm", tests.wrench[:, 3:], 1.0, math.inf),
-        ("target_noise_mm" if tests.points else "displacement_noise_mm", shifts, 1.0, COARSE),
-        ("rotation_noise", turns / DEG, DEG, math.inf),
+    for name, values, most in (
+        ("force_noise_n", tests.wrench[:, :3], math.inf),
+        ("torque_noise_nm", tests.wrench[:, 3:], math.inf),
+        ("target_noise_mm" if tests.points else "displacement_noise_mm", shifts, COARSE),
+        ("rotation_noise_deg", turns / DEG, math.inf),
     ):
-        noise = getattr(setup, name) / unit
+        noise = getattr(setup, name)
         step = max((step_of(column) for column in values.T if most < math.inf or _is_measured(column)), default=0.0)
         if step > most * noise:
             raise InputError(
@@ -250,8 +250,8 @@ def rounded(setup: LoadingSetup, tests: LoadingTests) -> LoadingSetup:
                 f"displacements are rounded to {step:g} mm, where the cell file states a noise of {noise:g} mm: small "
                 "ones vanish; give more figures",
             )
-        changes[name] = unit * np.hypot(noise, step / np.sqrt(6.0))
-    return replace(setup, **changes)
+        changes[name] = np.hypot(noise, step / np.sqrt(6.0))
+    return setup.model_copy(update=changes)
 
 
 def check_clipped(tests: LoadingTests) -> None:

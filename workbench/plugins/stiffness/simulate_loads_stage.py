@@ -18,7 +18,7 @@ from workbench.api import (
 )
 from workbench.plugins.csv_table import csv_bytes
 from workbench.plugins.ranges import Targets
-from workbench.plugins.stiffness.equations import displaced, row_noise
+from workbench.plugins.stiffness.equations import displaced
 from workbench.plugins.stiffness.read_stage import ANGLES, WRENCH
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests, LoadPlan
 
@@ -93,9 +93,8 @@ def simulate_tests(
     tests = LoadingTests("simulated", labels, lines, joints, wrench, np.zeros((len(joints), 0)), targets)
     moved = displaced(chain, setup, 1 / stiffness, tests)
     if rng is not None:
-        noise = np.array([setup.force_noise_n] * 3 + [setup.torque_noise_nm] * 3)
-        wrench = wrench + rng.normal(size=wrench.shape) * noise
-        moved = moved + rng.normal(size=moved.shape) * row_noise(setup, targets)
+        wrench = wrench + rng.normal(size=wrench.shape) * setup.wrench_noise
+        moved = moved + rng.normal(size=moved.shape) * setup.moved_noise(targets)
     return replace(tests, wrench=wrench, moved=moved)
 
 

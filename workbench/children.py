@@ -39,18 +39,25 @@ def library(name: str) -> Any:
         sys.exit(UNLOADABLE)
 
 
-def confine(size: int, seconds: int | None = None) -> None:
-    """In a reader's process: no core file, and no more memory and time than a file of so many bytes can ask for."""
+def confine(size: int, seconds: int | None = None, output: int | None = None, memory: int = MEMORY) -> None:
+    """In a reader's process: no core file, and no more memory and time than a file of so many bytes can ask for.
+
+    Nor more bytes of `output`; `memory`: for a file of none.
+    """
     try:
         import resource
     except ImportError:  # not on this system
         return
-    limits = [(resource.RLIMIT_CORE, 0), (resource.RLIMIT_AS, MEMORY + MEMORY_A_BYTE * size)]
-    if seconds is not None:
-        limits.append((resource.RLIMIT_CPU, seconds))
-    for what, most in limits:
-        _, hard = resource.getrlimit(what)
-        resource.setrlimit(what, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+    limits = {
+        resource.RLIMIT_CORE: 0,
+        resource.RLIMIT_AS: memory + MEMORY_A_BYTE * size,
+        resource.RLIMIT_CPU: seconds,
+        resource.RLIMIT_FSIZE: output,
+    }
+    for what, most in limits.items():
+        if most is not None:
+            _, hard = resource.getrlimit(what)
+            resource.setrlimit(what, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 
 
 def refuse_unloadable(status: int, said: str) -> None:

@@ -113,12 +113,17 @@ def _skin(rings: Float) -> Float:
     )
 
 
+def normals(triangles_mm: Float) -> tuple[Float, Float]:
+    """Normals (t, 3) of triangles (t, 3, 3), and their lengths (t,), which are twice the areas."""
+    normal = np.cross(triangles_mm[:, 1] - triangles_mm[:, 0], triangles_mm[:, 2] - triangles_mm[:, 0])
+    return normal, np.linalg.norm(normal, axis=1)
+
+
 def edges(triangles_mm: Float) -> list[AnyArray]:
     """Edges (2, 3) of triangles (t, 3, 3) at which the surface bends or ends, mm."""
     if not len(triangles_mm):
         return []
-    normal = np.cross(triangles_mm[:, 1] - triangles_mm[:, 0], triangles_mm[:, 2] - triangles_mm[:, 0])
-    size = np.linalg.norm(normal, axis=1)
+    normal, size = normals(triangles_mm)
     triangles_mm, normal = triangles_mm[size > 0], normal[size > 0] / size[size > 0, None]
     corners, which = np.unique(np.round(triangles_mm.reshape(-1, 3) / ROUND_MM), axis=0, return_inverse=True)
     which = which.reshape(-1, 3)

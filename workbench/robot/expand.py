@@ -19,7 +19,7 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
-from workbench.children import library
+from workbench.children import confine, library
 from workbench.errors import nearest
 
 REFUSED, ODD = 2, re.compile(r"__|\bgi_")  # ways from a value to the interpreter
@@ -40,7 +40,7 @@ def main() -> int:
     _packages(given["packages"], file)
     arguments = _Arguments(given["arguments"])
     with open(out, "w", encoding="utf-8") as result:
-        _confine()
+        confine(0, SECONDS, OUTPUT, MEMORY)
         os.environ.clear()
         sys.addaudithook(_hook([os.path.dirname(file), *given["packages"].values()]))
         try:
@@ -111,22 +111,6 @@ def _hook(folders: list[str]) -> Callable[[str, tuple[Any, ...]], None]:
                 raise PermissionError(f"an expression may not hold {odd[0]}: {source.strip()}")
 
     return hook
-
-
-def _confine() -> None:
-    """No core file, little time, memory and output."""
-    try:
-        import resource
-    except ImportError:  # not on this system
-        return
-    for what, most in (
-        (resource.RLIMIT_CORE, 0),
-        (resource.RLIMIT_CPU, SECONDS),
-        (resource.RLIMIT_AS, MEMORY),
-        (resource.RLIMIT_FSIZE, OUTPUT),
-    ):
-        _, hard = resource.getrlimit(what)
-        resource.setrlimit(what, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 
 
 if __name__ == "__main__":

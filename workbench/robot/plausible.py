@@ -23,7 +23,7 @@ from workbench.robot.cell_file import (
     stated,
 )
 from workbench.robot.cell_model import Shape
-from workbench.robot.drawing import shape_triangles
+from workbench.robot.drawing import normals, shape_triangles
 from workbench.units import Float
 
 LEAST_MM = 5.0  # no tool, turntable or frame of a cell lies nearer to its origin; what is in metres does, to 5 m
@@ -252,8 +252,7 @@ def _corners(part: ShapePart) -> Float | None:
 
 def _depth_mm(triangles: Float, point_mm: Float) -> float:
     """How deep a point lies within a convex body of triangles (t, 3, 3); negative outside."""
-    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    size = np.linalg.norm(normal, axis=1)
+    normal, size = normals(triangles)
     whole = size > 1e-9 * size.max()  # of the others, between a round body's rings, the normal is one of rounding
     off = ((point_mm - triangles[whole, 0]) * normal[whole]).sum(axis=1) / size[whole]
     return -float(off.max())

@@ -29,6 +29,7 @@ from workbench.geometry.poses import (
 )
 from workbench.kernels import kernel
 from workbench.language import Language
+from workbench.parameters import parsed
 from workbench.stage import InputFile, Progress, Seed, stage
 from workbench.storage import csv_table, finite_number, numbered_lines, read_text
 from workbench.strict_json import read_json, strict_json
@@ -161,6 +162,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "motions",
     "nearest",
     "numbered_lines",
+    "parsed",
     "pieces",
     "plot",
     "pose_from",

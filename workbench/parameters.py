@@ -9,14 +9,16 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, TypeVar, get_args
 
-from workbench.errors import PipelineError, nearest
+from workbench.errors import InputError, PipelineError, nearest
 from workbench.units import DEG
 
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
     from pydantic_core import ErrorDetails
+
+M = TypeVar("M", bound="BaseModel")
 
 
 def parameter_model(name: str, fields: Mapping[str, Any]) -> type[BaseModel]:
@@ -48,6 +50,17 @@ def check_parameters(model: type[BaseModel], given: Mapping[str, Any], where: st
     except (TypeError, ValueError, RecursionError) as error:
         raise PipelineError(where, f"a parameter is not a JSON value: {error}") from None
     return {name: getattr(checked, name) for name in known}
+
+
+def parsed(model: type[M], document: Any, where: str) -> M:
+    """What a file's JSON says as a model has it; InputError at `where` with the first thing that is wrong."""
+    from pydantic import ValidationError
+
+    try:
+        return model.model_validate_json(json.dumps(document))
+    except ValidationError as error:
+        place, text = problems(error, document, model)[0]
+        raise InputError(path_of(place, where), text) from None
 
 
 def jsonable(value: Any) -> Any:

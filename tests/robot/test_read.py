@@ -121,7 +121,7 @@ REFUSED: list[tuple[str, Any, str]] = [
     ("fixtures.0.onn", "base", "$.fixtures[0].onn: unknown key; did you mean 'on'?"),
     ("turntable.base_from_turntable", {"quaternion_xyzw": [0, 0, 0, 1]}, "did you mean 'quaternion_wxyz'?"),
     ("format", "bevel-recipe", "$.format: expected 'robot-cell', this is a file of another kind: 'bevel-recipe'"),
-    ("fixture", [], "$.fixture: no such parameter; did you mean 'fixtures'?"),
+    ("fixture", [], "$.fixture: unknown key; did you mean 'fixtures'?"),
     (
         "process.spindle.on_signal",
         "do Spindle",

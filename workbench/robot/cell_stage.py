@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.errors import InputError, PipelineError, nearest
+from workbench.errors import InputError, nearest
 from workbench.geometry.poses import inverse, pose_from
-from workbench.parameters import check_parameters
+from workbench.parameters import parsed
 from workbench.robot.cell_file import (
     AxisPart,
     CellPart,
@@ -94,12 +94,7 @@ def cell(
 
 def read_cell(path: Path) -> Cell:
     """The cell that a file describes; raises InputError with the file and the place in it."""
-    try:
-        values = check_parameters(CellPart, read_json(path), f"{path}: $")
-    except PipelineError as error:
-        raise InputError(error.where, error.expected) from None
-    part = CellPart.model_construct(**values)
-    part, before = _with_track(part, path)
+    part, before = _with_track(parsed(CellPart, read_json(path), f"{path}: $"), path)
     robot = part.robot
     held = robot.held if part.track is None or part.track.joint is None else robot.held | {part.track.joint: 0.0}
     found = _packages(robot, path), robot.arguments

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from workbench.errors import InputError
-from workbench.parameters import path_of, problems
+from workbench.parameters import parsed
 from workbench.strict_json import read_any_json
 from workbench.synthetic.recipe import PrismRecipe, Recipe, SphereRecipe
 
@@ -52,8 +52,4 @@ def parse_as(model: type[M], document: Any, source: str = "recipe") -> M:
     """The recipe that `document` describes, of the kind `model`; InputError as for `read_recipe`."""
     if not isinstance(document, Mapping):
         raise InputError(source, "a JSON object, the recipe")
-    try:
-        return model.model_validate(document)
-    except ValidationError as error:
-        place, expected = problems(error, document, model)[0]
-        raise InputError(f"{source}: {path_of(place)}", expected) from error
+    return parsed(model, document, f"{source}: $")

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
-from workbench.api import DEG, AnyArray, Float, InputError, Shaped, read_json
+from workbench.api import DEG, AnyArray, Float, InputError, Shaped, parsed, read_json
 from workbench.plugins.csv_table import Table
 from workbench.plugins.stiffness.values import Six
 
@@ -58,12 +58,7 @@ class TapTests:
 
 def read_tap_tests(path: Path, tip_mm: Float, band_hz: tuple[float, float]) -> TapTests:
     """Tests of a list; raises InputError with the file and the place, what was expected and the likeliest cause."""
-    try:
-        listed = TestsPart.model_validate(read_json(path))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise InputError(f"{path}: $.{place}", f"expected a list of tap tests: {first['msg']}") from None
+    listed = parsed(TestsPart, read_json(path), f"{path}: $")
     rows, left_out = [], 0
     for k, test in enumerate(listed.tests):
         file = path.parent / test.file

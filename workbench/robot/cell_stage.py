@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.errors import InputError, nearest
-from workbench.geometry.poses import inverse, pose_from
+from workbench.geometry.poses import frame_about, inverse, pose_from, unit
 from workbench.parameters import parsed
 from workbench.robot.cell_file import (
     AxisPart,
@@ -39,7 +39,7 @@ from workbench.robot.collision import CUTS, CollisionModel, left_out
 from workbench.robot.judge import JudgedCell
 from workbench.robot.kinematics import Chain
 from workbench.robot.plate_stage import check_size, read_workpiece, scanned
-from workbench.robot.plausible import bare_mm, check_plausible
+from workbench.robot.plausible import bare_mm, check_plausible, external_axes
 from workbench.robot.process import NO_PROCESS
 from workbench.robot.urdf import disabled_pairs, read_urdf, track_joint
 from workbench.robot.wrist import offset_wrist, spherical_wrist
@@ -284,13 +284,13 @@ def _stands(external: Turntable | None) -> dict[str, tuple[int, Float]]:
 
 def _around(part: CellPart, external: Turntable | None, path: Path) -> list[Shape]:
     """Turntable, workpiece and fixtures."""
-    table, here = part.turntable, np.eye(4)
-    found = []
-    for i, shape in enumerate(table.shapes if table else []):
-        found.append(_shape(shape, "turntable", ON_TURNTABLE, here, f"{path}: $.turntable.shapes[{i}]", path))
-    for i, shape in enumerate(table.tilt.shapes if table and table.tilt else []):
-        found.append(_shape(shape, "tilt", ON_CRADLE, here, f"{path}: $.turntable.tilt.shapes[{i}]", path))
-    stands = _stands(external)
+    stands, found = _stands(external), []
+    for place, axis, _ in external_axes(part):
+        name = place.rpartition(".")[2]
+        found += [
+            _shape(shape, name, *stands[name], f"{path}: $.{place}.shapes[{i}]", path)
+            for i, shape in enumerate(axis.shapes)
+        ]
     on_floor = stands["base"]
     if part.envelope is not None:
         found += [
@@ -368,10 +368,7 @@ def _external(part: CellPart, path: Path) -> Turntable | None:
 def _track(track: TrackPart) -> Turntable:
     assert track.direction is not None  # or its joint has told them
     assert track.speed_mm_s is not None
-    along = np.array(track.direction) / np.linalg.norm(track.direction)
-    across = np.cross(along, np.eye(3)[np.abs(along).argmin()])
-    across /= np.linalg.norm(across)
-    floor = pose_from(np.column_stack([across, np.cross(-along, across), -along]), np.zeros(3))
+    floor = pose_from(frame_about(-unit(np.array(track.direction))).T, np.zeros(3))
     assert track.limits_mm is not None
     fastest = None if track.acceleration_mm_s2 is None else track.acceleration_mm_s2 * DEG
     return Turntable(floor, np.array(track.limits_mm) * DEG, track.speed_mm_s * DEG, fastest, slides=True)

@@ -69,10 +69,9 @@ def check_plausible(part: CellPart, where: str) -> None:
 def _doubts(part: CellPart) -> Iterator[tuple[str, str]]:
     """Places, and what is wrong there."""
     yield from _tool(part.tool)
-    if part.turntable is not None:
-        yield from _turntable(part.turntable)
-        if part.envelope is not None:
-            yield from _out_of_reach(part.turntable, part.envelope)
+    yield from _turntable(part)
+    if part.turntable is not None and part.envelope is not None:
+        yield from _out_of_reach(part.turntable, part.envelope)
     if part.track is not None and part.track.limits_mm is not None and np.ptp(part.track.limits_mm) < LEAST_TRACK_MM:
         found = "{:g}, {:g}".format(*part.track.limits_mm)
         yield "track.limits_mm", f"expected a range of at least {LEAST_TRACK_MM:g} mm, found {found}: {METRES}"
@@ -107,15 +106,16 @@ def _numbers(part: CellPart) -> Iterator[tuple[str, str]]:
         yield "process.home.joints_deg", f"expected degrees, found {_listed(home)}: are they radians?"
 
 
-def _axes(table: TurntablePart) -> Iterator[tuple[str, AxisPart, Float]]:
-    """The axes by their places, and where they stand."""
-    yield "turntable", table, table.base_from_turntable
-    if table.tilt is not None:
-        yield "turntable.tilt", table.tilt, table.tilt.base_from_tilt
+def external_axes(part: CellPart) -> Iterator[tuple[str, AxisPart, Float]]:
+    """Turntable and tilt by their places, and where they stand."""
+    if (table := part.turntable) is not None:
+        yield "turntable", table, table.base_from_turntable
+        if table.tilt is not None:
+            yield "turntable.tilt", table.tilt, table.tilt.base_from_tilt
 
 
-def _turntable(table: TurntablePart) -> Iterator[tuple[str, str]]:
-    for place, axis, pose in _axes(table):
+def _turntable(part: CellPart) -> Iterator[tuple[str, str]]:
+    for place, axis, pose in external_axes(part):
         yield from _near(pose, f"{place}.base_from_{place.rpartition('.')[2]}", "robot's base")
         limits = np.array(axis.limits_deg)
         off_pi = np.abs(limits / (np.pi / 4) - np.round(limits / (np.pi / 4))) * np.pi / 4
@@ -141,7 +141,7 @@ def _out_of_reach(table: TurntablePart, room: EnvelopePart) -> Iterator[tuple[st
 def _sizes(part: CellPart) -> Iterator[tuple[str, str]]:
     """Bodies that are too small for one of mm."""
     carriers: list[tuple[str, Sequence[ShapePart]]] = [("tool", part.tool.shapes)]
-    carriers += [(place, axis.shapes) for place, axis, _ in _axes(part.turntable)] if part.turntable else []
+    carriers += [(place, axis.shapes) for place, axis, _ in external_axes(part)]
     shapes = [(f"{place}.shapes[{i}]", one) for place, all_ in carriers for i, one in enumerate(all_)]
     for place, shape in (*shapes, *((f"fixtures[{i}]", one) for i, one in enumerate(part.fixtures))):
         size = () if shape.solid is None else np.ptp(shape_triangles(_shape(shape)), axis=(0, 1)).tolist()

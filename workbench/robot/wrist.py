@@ -23,7 +23,7 @@ from workbench.errors import InputError
 from workbench.geometry.moves import chords_mm
 from workbench.geometry.poses import mapped
 from workbench.kernels import kernel
-from workbench.robot.kinematics import Chain, joint_axes, motions
+from workbench.robot.kinematics import Chain, jacobian_at, joint_axes, motions, turn_about_axis
 from workbench.units import AnyArray, Bool, Float, Shaped
 
 PARALLEL = 1e-9  # sine of an angle that still counts as zero
@@ -146,7 +146,7 @@ def _wrist(chain: Chain) -> tuple[Float, Float, int]:
     if offset is None:
         centre = meeting_point(chain.axes[3:], chain.points_mm[3:])[0]
         return centre, centre, 3
-    parallel = float(np.linalg.norm(np.cross(chain.axes[3], chain.axes[2]))) < PARALLEL
+    parallel = _sine(chain.axes[3], chain.axes[2]) < PARALLEL
     return (offset.on_4_mm, offset.on_6_mm, 4) if parallel else (offset.on_4_mm, offset.on_4_mm, 3)
 
 
@@ -207,9 +207,7 @@ def centre_at(chain: Chain, centre_mm: Float, q: Float, size: float) -> tuple[Fl
     six = np.concatenate([q, np.zeros_like(q)], axis=-1)
     moved = motions(chain, six)[..., 3, :, :]
     at = mapped(moved, centre_mm)
-    axes, points = joint_axes(chain, six)
-    slope = np.cross(axes[..., :3, :], at[..., None, :] - points[..., :3, :])
-    return at / size, slope.mT / size
+    return at / size, jacobian_at(*joint_axes(chain, six), at)[..., :3, :3] / size
 
 
 def newton(missing: Callable[[Float], tuple[Float, Float]], start: Float, steps: int) -> tuple[Float, Float]:
@@ -291,12 +289,6 @@ def wrapped(angle: float) -> float:
 @kernel
 def rotation_about(axis: AnyArray, angle: float) -> AnyArray:
     """The rotation (3, 3) about a unit axis (Rodrigues)."""
-    c, s = np.cos(angle), np.sin(angle)
-    x, y, z = axis
-    return np.array(
-        [
-            [c + x * x * (1 - c), x * y * (1 - c) - z * s, x * z * (1 - c) + y * s],
-            [y * x * (1 - c) + z * s, c + y * y * (1 - c), y * z * (1 - c) - x * s],
-            [z * x * (1 - c) - y * s, z * y * (1 - c) + x * s, c + z * z * (1 - c)],
-        ]
-    )
+    turn = np.zeros((1, 3, 4))
+    turn_about_axis(turn, 0, axis.reshape(1, 3), np.zeros((1, 3)), 0, angle)
+    return np.ascontiguousarray(turn[0, :, :3])

@@ -26,8 +26,7 @@ from workbench.api import (
     forward_kinematics,
     inverse,
     inverse_kinematics,
-    jacobian_at,
-    joint_axes,
+    jacobian,
     mapped,
     pose_from,
     spherical_wrist,
@@ -41,7 +40,7 @@ from workbench.plugins.stiffness.arm_kernels import (
     joints_kernel,
     traverse_kernel,
 )
-from workbench.plugins.stiffness.elastic import pushed
+from workbench.plugins.stiffness.elastic import PER_M, pushed
 
 MOST_POSES = 60_000  # of one call: some minutes where the inverse is a search
 NO_SPRINGS = np.ones(6)  # where nobody knows them: joint angles take no notice
@@ -213,9 +212,8 @@ class GeneralArm:
 
     def _smallest(self, q: Float) -> Float:
         """Smallest singular value (k,) of the Jacobian at angles (k, 6), lengths in m."""
-        slope = jacobian_at(*joint_axes(self.chain, q), forward_kinematics(self.chain, q)[:, :3, 3])
-        slope[:, :3] /= 1e3
-        return np.asarray(np.linalg.svd(slope, compute_uv=False)[:, -1]) if len(q) else np.empty(0)
+        slope = jacobian(self.chain, q) / PER_M[:, None]
+        return np.asarray(np.linalg.svd(slope, compute_uv=False)[:, -1])
 
     def joint_angles(self, base_from_flange: Float, configuration: int) -> Float:
         """As an `Arm`'s; NaN becomes 0."""

@@ -21,7 +21,7 @@ from workbench.api import (
     mapped,
     motions,
 )
-from workbench.plugins.stiffness.elastic import MM, geometric_stiffness
+from workbench.plugins.stiffness.elastic import MM, PER_M, geometric_stiffness
 from workbench.plugins.stiffness.stability import Dynamics
 from workbench.plugins.stiffness.values import RobotModes
 
@@ -106,8 +106,7 @@ def mass_matrix(chain: Chain, bodies: Bodies, joints: Shaped[Float, "k 6"]) -> S
     whole = np.zeros((len(joints), 6, 6))
     for link in range(6):
         at = moved[:, link + 1]
-        slope = jacobian_at(axes, points, mapped(at, bodies.centre_mm[link]))
-        slope[:, :3] /= MM
+        slope = jacobian_at(axes, points, mapped(at, bodies.centre_mm[link])) / PER_M[:, None]
         slope[:, :, link + 1 :] = 0.0
         inertia = np.zeros((len(joints), 6, 6))
         inertia[:, :3, :3] = bodies.mass_kg[link] * np.eye(3)

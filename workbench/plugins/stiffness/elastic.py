@@ -20,17 +20,18 @@ from workbench.api import (
 )
 
 MM = 1e3  # mm per m
+PER_M = np.repeat([MM, 1.0], 3)  # of the rows of a Jacobian, and of a wrench about a point
 
 
 def torques(jacobian: Float, wrench: Float) -> Float:
     """Joint torques J^T F (..., 6) in Nm, of a wrench (..., 6) at the Jacobian's point."""
-    scaled = np.asarray(wrench, float) / ((MM,) * 3 + (1.0,) * 3)
+    scaled = np.asarray(wrench, float) / PER_M
     return np.asarray((jacobian.mT @ scaled[..., None])[..., 0])
 
 
 def geometric_stiffness(derivative: Float, wrench: Float) -> Float:
     """K_c (..., 6, 6) in Nm/rad, eq. (16): K_c[i, j] = d(J^T F)_i / dq_j. Its moment part is not symmetric."""
-    scaled = np.asarray(wrench, float) / ((MM,) * 3 + (1.0,) * 3)
+    scaled = np.asarray(wrench, float) / PER_M
     return np.asarray(np.einsum("...rij,...r->...ij", derivative, scaled))
 
 
@@ -114,7 +115,7 @@ def tangent_stiffness(chain: Chain, stiffness: Float, joints: Float, point_mm: F
     """
     jacobian, derivative = _jacobian(chain, joints, point_mm)
     kc = geometric_stiffness(derivative, wrench)
-    in_metres = jacobian / np.array([MM] * 3 + [1.0] * 3)[:, None]
+    in_metres = jacobian / PER_M[:, None]
     compliance = in_metres @ np.linalg.solve(np.diag(stiffness) - kc, in_metres.T)
     if np.linalg.cond(compliance) > 1 / np.finfo(float).eps:
         return np.full((6, 6), np.inf)

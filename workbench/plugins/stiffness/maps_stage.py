@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.api import DEG, Cell, Chapter, Float, InputError, abb_angles, jacobian, pieces, plot, stage
-from workbench.plugins.stiffness.elastic import MM, give_way
+from workbench.plugins.stiffness.elastic import PER_M, give_way
 from workbench.plugins.stiffness.values import TABLE_A1_DEG, JointStiffness, Six, StiffnessMaps
 
 Axis = Annotated[int, Field(ge=1, le=6)]
@@ -95,7 +95,7 @@ def _row(
 ) -> tuple[Float, Float, Float]:
     """1/omega (n,), f_p (n,) and f_r (n,) at postures (n, 6), under forces alone (m, 6) and with torques (M, 6)."""
     tip = cell.flange_from_cutter[:3, 3]
-    j = jacobian(cell.chain, joints, tip) / np.array([MM] * 3 + [1.0] * 3)[:, None]
+    j = jacobian(cell.chain, joints, tip) / PER_M[:, None]
     omega = np.abs(np.linalg.det(j))
     k = stiffness.nm_per_rad
     (force, force_alone), (both, both_alone) = (

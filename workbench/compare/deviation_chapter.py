@@ -11,7 +11,7 @@ from workbench import pieces
 from workbench.artefacts import Chapter
 from workbench.compare.statistics import Summary
 from workbench.compare.surface_stage import Deviations, Registration, Surface
-from workbench.geometry.poses import inverse, mapped
+from workbench.geometry.poses import inverse, mapped, vector_from_rotation
 from workbench.marks import DIVERGING, Colour, ramp
 from workbench.pieces import BLUE, GREY, ORANGE, PALE, number
 from workbench.plot import Axes, Figure, nice_ticks
@@ -157,7 +157,7 @@ def _registration(found: Registration | None, position_u_mm: float) -> list[str]
         ]
     back = inverse(found.reference_from_scan)
     shift = found.pivot_mm - mapped(back, found.pivot_mm)
-    turn = math.degrees(math.acos(float(np.clip((np.trace(back[:3, :3]) - 1) / 2, -1.0, 1.0))))
+    turn = math.degrees(np.linalg.norm(vector_from_rotation(back[:3, :3])))
     u = np.sqrt(np.diagonal(found.covariance))
     facts = [
         ("Shift of the scan's centre, mm", ", ".join(f"{x:+.3f} ± {s:.3f}" for x, s in zip(shift, u, strict=False))),

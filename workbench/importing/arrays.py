@@ -110,17 +110,20 @@ def _profiles(
         np.atleast_2d(light).shape != z.shape or not np.array_equal(light, np.clip(np.rint(light), 0, 65535))
     ):
         light = None
-    series = {role: None if (one := values.get(role)) is None else np.atleast_1d(one) for role in ("time", "travel")}
-    for role, one in series.items():
-        if one is not None and one.shape != z.shape[:1]:
-            raise InputError(where, f"expected {role} of {len(z)} frames, found shape {one.shape}")
-    time, travel = series["time"], series["travel"]
+
+    def each(role: str, scale: float) -> Float | None:
+        if (one := values.get(role)) is None:
+            return None
+        if np.atleast_1d(one).shape != z.shape[:1]:
+            raise InputError(where, f"expected {role} of {len(z)} frames, found shape {np.atleast_1d(one).shape}")
+        return np.atleast_1d(one).astype(np.float64) * scale
+
     return ProfileFrames(
         where,
         np.broadcast_to(bounded(x * unit), z.shape),
         bounded(without(z, missing) * unit),
-        time_s=None if time is None else time.astype(np.float64) * second,
-        travel_mm=None if travel is None else travel.astype(np.float64) * unit,
+        time_s=each("time", second),
+        travel_mm=each("travel", unit),
         intensity=None if light is None else np.atleast_2d(light).astype(np.uint16),
     )
 

@@ -65,10 +65,8 @@ def _passes(frames: ProfileFrames, streams: list[PoseStream], mapping: Mapping) 
     for stream in streams:
         check_poses(stream, mapping)
     pose_each = mapping.times is not None and mapping.times.source == "pose_each"
-    return {
-        number: timed(_of_pass(frames, number), poses, mapping)
-        for number, poses in poses_by_pass(streams, frames, pose_each).items()
-    }
+    each = poses_by_pass(streams, frames, pose_each)
+    return {number: timed(_of_pass(frames, number), poses, mapping) for number, poses in each.items()}
 
 
 def _of_pass(frames: ProfileFrames, number: int) -> ProfileFrames:
@@ -119,13 +117,13 @@ def _recording(
 ) -> Recording:
     """The recording, checked as scan.read checks it."""
     assert frames.pass_index is not None
-    order = np.concatenate([np.flatnonzero(frames.pass_index == n)[k] for n, k in zip(passes, kept, strict=True)])
+    inside = list(zip(passes.items(), kept, strict=True))
+    order = np.concatenate([np.flatnonzero(frames.pass_index == n)[k] for (n, _), k in inside])
     whole = len(order) == len(frames.z_mm) and (np.diff(order) == 1).all()
     pick = slice(None) if whole else order
-    time_s = np.concatenate([one.time_s[k] for one, k in zip(passes.values(), kept, strict=True)])
-    poses = [around(one, k) for one, k in zip(passes.values(), kept, strict=True)]
+    poses = [around(one, k) for (_, one), k in inside]
     values = {
-        "time_s": time_s,
+        "time_s": np.concatenate([one.time_s[k] for (_, one), k in inside]),
         "pass_index": frames.pass_index[pick],
         "robot_time_s": np.concatenate([stream.time_s for stream in poses if stream.time_s is not None]),
         "robot_position_mm": np.concatenate([stream.position_mm for stream in poses]),
@@ -365,9 +363,7 @@ def _numbered(sources: Sequence[ProfileFrames]) -> Int:
     return np.concatenate(numbers)
 
 
-def poses_by_pass(
-    streams: Sequence[PoseStream], frames: ProfileFrames, pose_each: bool = False
-) -> dict[int, PoseStream]:
+def poses_by_pass(streams: Sequence[PoseStream], frames: ProfileFrames, pose_each: bool) -> dict[int, PoseStream]:
     """The poses of each pass.
 
     One stream serves all passes (by its own pass numbers where it has them; in order, where `pose_each` says that it

@@ -116,14 +116,14 @@ def read(path: Path, mapping: Mapping) -> Imported:
     part = mapping.joints
     assert part is not None
     table = read_table(path, part)
-    roles = [f"joint {k}" for k in range(len(part.columns))]
-    values = np.stack([table.present(role) for role in roles], axis=1)
+    values = table.all_of("joint", len(part.columns))
     far = np.flatnonzero((np.abs(values) > MOST).any(axis=1))
     if len(far):
         found = np.abs(values[far[0]]).max()
         raise InputError(table.place(int(far[0])), f"expected positions of joints, found {found:.4g}")
     turn = DEG if part.angle_unit == "deg" else 1.0
-    names, times = tuple(table.names[role] for role in roles), table.times(part.time_unit)
+    names = tuple(name for role, name in table.names.items() if role.startswith("joint"))
+    times = table.times(part.time_unit)
     stream = JointStream(table.where, values * turn, names, times, table.whole("number"), part.angle_unit)
     if part.urdf is None or part.base_frame is None or part.flange_frame is None:
         note = f"joints: {', '.join(names)}, in {part.angle_unit}; no robot is named, so no poses follow"

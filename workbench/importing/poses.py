@@ -61,7 +61,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
     part = part_of(mapping.poses, KNOWN, path, first_bytes(path))
     assert part is not None
     table = read_table(path, part)
-    position_mm = _columns(table, "position", 3) * LENGTH_MM[part.length_unit]
+    position_mm = table.all_of("position", 3) * LENGTH_MM[part.length_unit]
     position_mm, quaternion_wxyz = of_flange_in_base(position_mm, _orientations(table, part, mapping), part)
     stream = PoseStream(
         table.where,
@@ -86,13 +86,9 @@ def of_flange_in_base(position_mm: Float, quaternion_wxyz: Float, part: FramesPa
     return base_from_flange[:, :3, 3], quaternion_from_rotation(base_from_flange[:, :3, :3])
 
 
-def _columns(table: Table, role: str, count: int) -> Float:
-    return np.stack([table.present(f"{role} {i}") for i in range(count)], axis=1)
-
-
 def _orientations(table: Table, part: PosesPart, mapping: Mapping) -> Float:
     """Unit quaternions out of the table's convention."""
-    values = _columns(table, "orientation", len(part.orientation))
+    values = table.all_of("orientation", len(part.orientation))
     unit = part.angle_unit or USUAL_ANGLE_UNIT.get(part.convention, "rad")
     if components(part.convention) == 3:
         check_angles(values, unit, mapping, table.where)

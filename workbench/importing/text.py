@@ -313,6 +313,10 @@ class Table(NamedTuple):
             raise InputError(self.place(int(gap.argmax())), f"column {self.names[role]}: no number")
         return self.columns[role]
 
+    def all_of(self, role: str, count: int) -> Float:
+        """Columns (R, n) of a role that has several, as present."""
+        return np.stack([self.present(f"{role} {k}") for k in range(count)], axis=1)
+
     def whole(self, role: str) -> Int | None:
         """A column of whole numbers, None where there is none; InputError naming the line of the first that is none."""
         if role not in self.columns:

@@ -16,7 +16,13 @@ from workbench.checks.judge import UNITS_MM
 from workbench.checks.limits import most
 from workbench.errors import InputError
 from workbench.geometry.blocks import evenly
-from workbench.geometry.poses import inverse, pose_from, rotation_from_quaternion, rpy_from_rotation
+from workbench.geometry.poses import (
+    inverse,
+    pose_from,
+    rotation_from_quaternion,
+    rpy_from_rotation,
+    vector_from_rotation,
+)
 from workbench.importing.command import summary
 from workbench.look.content import FileContent, box, failed, measured, places, profile_lines, shades_of, stacked
 from workbench.scan.fuse_stage import flange_poses, pass_after_pass
@@ -238,8 +244,8 @@ def _pose_lines(recording: Recording, base_from_profiler: Float) -> list[str]:
         if length < 1e-6 or recording.flange_from_profiler is None:
             continue
         tilt = math.degrees(math.acos(min(1.0, abs(along[1]) / length)))
-        turn = base_from_profiler[frames[-1], :3, :3] @ first[:3, :3].T
-        angle = math.degrees(math.acos(max(-1.0, min(1.0, (float(np.trace(turn)) - 1) / 2))))
+        turn = vector_from_rotation(base_from_profiler[frames[-1], :3, :3] @ first[:3, :3].T)
+        angle = math.degrees(np.linalg.norm(turn))
         speed = f", {length / duration:.4g} mm/s" if duration > 0 else ""
         lines.append(
             f"motion of pass {number}: {length:.4g} mm{speed}, {tilt:.1f} deg off the laser plane's normal, "

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from workbench.artefacts import ProgramMove, ProgramMoves, Violation
-from workbench.geometry.poses import inverse, pose_from, rpy_from_rotation
+from workbench.geometry.poses import inverse, pose_from, rpy_from_rotation, vector_from_rotation
 from workbench.robot.cell_model import Cell
 from workbench.robot.kinematics import Chain, forward_kinematics
 from workbench.robot.makers import MAKERS, Maker
@@ -80,8 +80,8 @@ def _of(ruled: Float, *known: Float | None) -> Float:
 
 def _apart(one: Float, other: Float) -> tuple[float, float]:
     """Distance of two frames' origins, mm, and the angle between them."""
-    cosine = (np.trace(one[:3, :3].T @ other[:3, :3]) - 1) / 2
-    return float(np.linalg.norm(one[:3, 3] - other[:3, 3])), float(np.arccos(np.clip(cosine, -1, 1)))
+    turn = vector_from_rotation(one[:3, :3].T @ other[:3, :3])
+    return float(np.linalg.norm(one[:3, 3] - other[:3, 3])), float(np.linalg.norm(turn))
 
 
 def _same(one: Float, other: Float) -> bool:

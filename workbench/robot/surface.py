@@ -194,10 +194,15 @@ def _to_segments(point: Float, start: Float, way: Float) -> tuple[Float, Float]:
     return np.asarray(np.linalg.norm(start + share[..., None] * way - point, axis=-1)), share
 
 
+def turned(one: Float, other: Float) -> Float:
+    """Angle (...), 0 to pi, between orientations, unit quaternions (..., 4)."""
+    return np.asarray(2 * np.arccos(np.clip(np.abs((one * other).sum(axis=-1)), 0, 1)))
+
+
 def _densified(path: Toolpath, position: Float, quaternion: Float, feed: Float) -> tuple[Float, Float, Float]:
     """Points of the cutter's axis in the base, at most MOST_STEP_MM from each other, its direction and its speed."""
     step = chords_mm(position)
-    turn = 2 * np.arccos(np.clip(np.abs((quaternion[1:] * quaternion[:-1]).sum(axis=1)), 0, 1))
+    turn = turned(quaternion[1:], quaternion[:-1])
     count = np.maximum(np.ceil(np.maximum(step / MOST_STEP_MM, turn / MOST_TURN)), 1).astype(int)
     at = np.concatenate([*(i + np.arange(c) / c for i, c in enumerate(count.tolist())), [len(position) - 1]])
     poses = interpolate_poses(at, np.arange(len(position), dtype=float), position, quaternion)

@@ -31,13 +31,14 @@ from workbench.geometry.poses import (
     rotation_from_quaternion,
     rotation_from_vector,
     slerp,
+    vector_from_rotation,
 )
 from workbench.kernels import kernel
 from workbench.robot.cell_model import Cell
 from workbench.robot.collision import base_from_targets
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import forward_kinematics
-from workbench.robot.surface import NO_LENGTH_MM
+from workbench.robot.surface import NO_LENGTH_MM, turned
 from workbench.units import DEG, AnyArray, Bool, Float, Int, Shaped
 
 Values = Float | float  # of the external axes, rad: one number, of several a vector
@@ -238,12 +239,11 @@ def _leg(
     assert move.pose is not None
     assert frame is not None
     end = frame @ move.pose
-    cosine = (np.trace(start[:3, :3].T @ end[:3, :3]) - 1) / 2
-    if np.arccos(np.clip(cosine, -1, 1)) > MOST_TURN:
+    turn = np.linalg.norm(vector_from_rotation(start[:3, :3].T @ end[:3, :3]))
+    if turn > MOST_TURN:
         raise WayError(
             move.line,
-            f"the tool turns by {np.degrees(np.arccos(np.clip(cosine, -1, 1))):.0f} deg in one "
-            "move, either way round: expected at most 170 deg",
+            f"the tool turns by {np.degrees(turn):.0f} deg in one move, either way round: expected at most 170 deg",
         )
     if move.kind == "L":
         length = float(np.linalg.norm(end[:3, 3] - start[:3, 3]))
@@ -286,7 +286,6 @@ def _row(leg: _Leg, after: _Leg | None, rated: Float) -> tuple[object, ...]:
         length = sum(float(np.linalg.norm(places[i + 1][0] - places[i][0])) for i in (0, 1))
     joints = np.zeros((2, 6)) if leg.joints is None or after is not None else np.array(leg.joints)
     position, quaternion, table = (np.array(part) for part in zip(*places, strict=True))
-    rotation = 2 * float(np.arccos(np.clip(abs(quaternion[0] @ quaternion[2]), 0, 1)))
     feed = leg.move.feed_mm_s
     duration = length / feed if feed else 0.0
     if leg.seconds is not None:
@@ -295,7 +294,8 @@ def _row(leg: _Leg, after: _Leg | None, rated: Float) -> tuple[object, ...]:
         moved = np.abs(np.append(joints[1] - joints[0], table[2] - table[0]))
         duration = max(duration, float((np.nan_to_num(moved) / rated).max()) / leg.move.joint_speed)
     elif length < NO_LENGTH_MM:
-        duration = max(duration, rotation / TURN_SPEED, float(np.abs(table[2] - table[0]).max()) / TURN_SPEED)
+        turn = np.append(turned(quaternion[0], quaternion[2]), np.abs(table[2] - table[0]))
+        duration = max(duration, float(turn.max()) / TURN_SPEED)
     return (
         kind,
         leg.move.line,
@@ -399,8 +399,7 @@ def _standing(cell: Cell, way: Way, segment: Int, share: Float, joints: Float, t
 def _grid(way: Way) -> tuple[Int, Float]:
     """Places: the first segment's begin, and of each segment some within and its end."""
     q = way.quaternion
-    turn = sum(2 * np.arccos(np.clip(np.abs((q[:, i] * q[:, i + 1]).sum(axis=1)), 0, 1)) for i in (0, 1))
-    turn = np.where(way.kind == JOINTS, 0.0, turn)
+    turn = np.where(way.kind == JOINTS, 0.0, turned(q[:, :-1], q[:, 1:]).sum(axis=1))
     joints = np.nan_to_num(np.abs(way.joints[:, 1] - way.joints[:, 0]), nan=np.pi).max(axis=1)
     table = np.abs(np.diff(way.turntable, axis=1)).sum(axis=1).reshape(len(way.kind), -1).max(axis=1)
     steps = np.stack([way.length_mm / STEP_MM, turn / STEP_TURN, joints / STEP_JOINT, table / STEP_TURN])

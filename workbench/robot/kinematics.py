@@ -111,13 +111,13 @@ def jacobian_at(axes: Float, points_mm: Float, tip_mm: Float) -> Float:
     return np.asarray(np.concatenate([linear, axes], axis=-1).mT)
 
 
-def jacobian_derivative(axes: Float, jacobian: Float) -> Float:
+def jacobian_derivative(jacobian: Float) -> Float:
     """D (..., 6, 6, 6) with D[..., :, i, j] = dJ[:, i]/dq_j, in closed form.
 
     A joint j before i carries axis i and the tip along: both halves of column i turn about axis j. A joint j behind i
     moves the tip only, by column j.
     """
-    linear, turning = jacobian[..., :3, :].mT, axes
+    linear, turning = np.split(jacobian.mT, 2, axis=-1)
     i, j = np.indices((6, 6))
     outer, inner = np.minimum(i, j), np.maximum(i, j)
     by_tip = cross(turning[..., outer, :], linear[..., inner, :])

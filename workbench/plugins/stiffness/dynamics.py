@@ -133,7 +133,7 @@ def at_tool(
     springs = np.broadcast_to(np.diag(modes.nm_per_rad), (len(joints), 6, 6))
     if force_n is not None:
         wrench = np.concatenate([force_n, np.zeros_like(force_n)], axis=1)
-        own = geometric_stiffness(jacobian_derivative(axes, slope), wrench)
+        own = geometric_stiffness(jacobian_derivative(slope), wrench)
         springs = springs - (own + own.mT) / 2
     root = np.linalg.cholesky(mass_matrix(chain, modes.bodies, joints))
     back = np.linalg.inv(root)

@@ -13,6 +13,7 @@ from workbench.api import (
     Float,
     Shaped,
     forward_kinematics,
+    jacobian,
     jacobian_at,
     jacobian_derivative,
     joint_axes,
@@ -23,10 +24,10 @@ MM = 1e3  # mm per m
 PER_M = np.repeat([MM, 1.0], 3)  # of the rows of a Jacobian, and of a wrench about a point
 
 
-def torques(jacobian: Float, wrench: Float) -> Float:
+def torques(slope: Float, wrench: Float) -> Float:
     """Joint torques J^T F (..., 6) in Nm, of a wrench (..., 6) at the Jacobian's point."""
     scaled = np.asarray(wrench, float) / PER_M
-    return np.asarray((jacobian.mT @ scaled[..., None])[..., 0])
+    return np.asarray((slope.mT @ scaled[..., None])[..., 0])
 
 
 def geometric_stiffness(derivative: Float, wrench: Float) -> Float:
@@ -56,17 +57,17 @@ def give_way(
         wrench: (..., 6) acts on the robot at that point, base axes.
         with_kc: whether the load's own stiffness K_c counts.
     """
-    jacobian, derivative = _jacobian(chain, joints, point_mm)
+    slope, derivative = _slopes(chain, joints, point_mm)
     tangent = np.diag(stiffness) - with_kc * geometric_stiffness(derivative, wrench)
-    dq = np.asarray(np.linalg.solve(tangent, torques(jacobian, wrench)[..., None])[..., 0])
-    return np.asarray((jacobian @ dq[..., None])[..., 0]), dq
+    dq = np.asarray(np.linalg.solve(tangent, torques(slope, wrench)[..., None])[..., 0])
+    return np.asarray((slope @ dq[..., None])[..., 0]), dq
 
 
 def pushed(chain: Chain, stiffness: Float, joints: Float, point_mm: Float, force_n: Float) -> Float:
     """J K^-1 J^T f (..., 3), mm, of points (..., 3) in the base under forces (..., 3) at joints (..., 6); base axes."""
-    jacobian = jacobian_at(*joint_axes(chain, joints), point_mm)[..., :3, :]
-    torque = np.einsum("...ri,...r->...i", jacobian, force_n) / MM
-    return np.asarray(np.einsum("...ri,...i->...r", jacobian, torque / stiffness))
+    slope = jacobian_at(*joint_axes(chain, joints), point_mm)[..., :3, :]
+    torque = np.einsum("...ri,...r->...i", slope, force_n) / MM
+    return np.asarray(np.einsum("...ri,...i->...r", slope, torque / stiffness))
 
 
 def balance(
@@ -81,9 +82,9 @@ def balance(
     """
     dq: Float = np.zeros(np.shape(joints))
     for _ in range(most or 50):
-        jacobian, derivative = _jacobian(chain, joints + dq, point_mm)
+        slope, derivative = _slopes(chain, joints + dq, point_mm)
         tangent = np.eye(6) - compliance[:, None] * geometric_stiffness(derivative, wrench)
-        step = np.linalg.solve(tangent, (compliance * torques(jacobian, wrench) - dq)[..., None])[..., 0]
+        step = np.linalg.solve(tangent, (compliance * torques(slope, wrench) - dq)[..., None])[..., 0]
         dq = np.asarray(dq + step)
         if np.abs(step).max() < 1e-14:
             return dq
@@ -92,12 +93,10 @@ def balance(
     return dq
 
 
-def _jacobian(chain: Chain, joints: Float, point_mm: Float) -> tuple[Float, Float]:
+def _slopes(chain: Chain, joints: Float, point_mm: Float) -> tuple[Float, Float]:
     """Jacobian (..., 6, 6) of a flange point and its derivative by the joints (..., 6, 6, 6)."""
-    axes, points = joint_axes(chain, joints)
-    tip = (forward_kinematics(chain, joints) @ [*point_mm, 1.0])[..., :3]
-    jacobian = jacobian_at(axes, points, tip)
-    return jacobian, jacobian_derivative(axes, jacobian)
+    slope = jacobian(chain, joints, point_mm)
+    return slope, jacobian_derivative(slope)
 
 
 def way(chain: Chain, joints: Float, dq: Float, point_mm: Float) -> Float:
@@ -113,9 +112,9 @@ def tangent_stiffness(chain: Chain, stiffness: Float, joints: Float, point_mm: F
 
     Inverted from the compliance J (K - K_c)^-1 J^T, which exists at singular postures too; entries are infinite there.
     """
-    jacobian, derivative = _jacobian(chain, joints, point_mm)
+    slope, derivative = _slopes(chain, joints, point_mm)
     kc = geometric_stiffness(derivative, wrench)
-    in_metres = jacobian / PER_M[:, None]
+    in_metres = slope / PER_M[:, None]
     compliance = in_metres @ np.linalg.solve(np.diag(stiffness) - kc, in_metres.T)
     if np.linalg.cond(compliance) > 1 / np.finfo(float).eps:
         return np.full((6, 6), np.inf)

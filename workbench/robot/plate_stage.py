@@ -253,7 +253,7 @@ def scan_uncertainty(cloud: Cloud) -> tuple[float, float] | None:
     frame, column = (places[:: max(len(places) // SAMPLED, 1)] for places in np.nonzero(cloud.keep))
     seen = np.column_stack([cloud.x_mm[frame, column], np.zeros(len(frame)), cloud.z_mm[frame, column]])
     arm = seen.astype(float) @ pose[:3, :3].T  # turned by the rotation's error, in the flange
-    by_turn = np.cross(np.eye(3)[:, None], arm).transpose(1, 2, 0)  # (n, 3, 3): w -> w x arm
+    by_turn = np.cross(arm[:, None], np.eye(3))  # (n, 3, 3): w -> w x arm
     jacobian = np.concatenate([np.broadcast_to(np.eye(3), by_turn.shape), by_turn], axis=2)
     of_points = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
     return float(np.sqrt(np.linalg.eigvalsh(of_points).max())), float(

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.api import DEG, Float, InputError, inverse, vector_from_rotation
-from workbench.plugins.calibration.model import Estimate, View, cross_matrix, volume_u
+from workbench.plugins.calibration.model import Estimate, View, carried, volume_u
 from workbench.plugins.calibration.observations import Flange, posture_of
 
 MIN_POSTURES, SAME = 4, (3.0, 1 * DEG)  # mm and rad, within which they are one
@@ -46,10 +46,8 @@ def directions(covariance: Float, estimate: Estimate, view: View) -> tuple[tuple
     move at the RMS distance of its points.
     """
     R = estimate.rotation
-    change = np.zeros((6, 6))  # to the profiler's axes: translation of the middle, rotation times lever
-    change[:3, :3] = R.T
-    change[:3, 3:] = -R.T @ cross_matrix(view.axes(R)[0])
-    change[3:, 3:] = view.lever_mm * R.T
+    change = carried(R.T, view.axes(R)[0])  # to the profiler's axes: translation of the middle, rotation times lever
+    change[3:] *= view.lever_mm
     values, vectors = np.linalg.eigh(change @ covariance @ change.T)
     return tuple((_words(vectors[:, i]), float(np.sqrt(max(values[i], 0.0)))) for i in range(5, -1, -1))
 

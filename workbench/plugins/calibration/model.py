@@ -100,9 +100,15 @@ class Linear:
 
 def cross_matrix(v: Float) -> Float:
     """[v]x (..., 3, 3) with [v]x u = v x u."""
-    out = np.zeros((*v.shape, 3))
-    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
-    return out - out.mT
+    return np.cross(np.eye(3), v[..., None, :])
+
+
+def carried(rotation: Float, place: Float) -> Float:
+    """What small errors (translation, rotation) of a frame are at a place in it (..., 3), by other axes: 6 x 6."""
+    out = np.zeros((*rotation.shape[:-2], 6, 6))
+    out[..., :3, :3] = out[..., 3:, 3:] = rotation
+    out[..., :3, 3:] = -rotation @ cross_matrix(place)
+    return out
 
 
 def linearise(estimate: Estimate, seen: Observations, noise: Noise, with_offset: bool = False) -> Linear:

@@ -37,7 +37,7 @@ from workbench.plugins.calibration.model import (
     Estimate,
     Noise,
     View,
-    cross_matrix,
+    carried,
     linearise,
     rows_of,
     volume_u,
@@ -224,11 +224,9 @@ def as_flange_errors(chain: Chain, arm: ArmErrors, found: estimator.Fit[Together
     """
     flange, by_error = erring_flange(chain, arm, found.at.errors, joints)
     to_own = flange[:, :3, :3].mT
-    moves = np.concatenate([to_own, -to_own @ cross_matrix(flange[:, :3, 3])], axis=2)  # of the flange, by another base
-    base = np.concatenate([moves, np.concatenate([np.zeros_like(to_own), to_own], axis=2)], axis=1)
+    base = carried(to_own, flange[:, :3, 3])  # of the flange, by another base
     own = np.concatenate([to_own @ by_error[:, :3], by_error[:, 3:]], axis=1)
-    as_pose = np.eye(6)  # a flange that turns carries the profiler along
-    as_pose[:3, 3:] = -cross_matrix(found.at.estimate.translation_mm)
+    as_pose = carried(np.eye(3), found.at.estimate.translation_mm)  # a flange that turns carries the profiler along
     weight = np.linalg.cholesky(volume_weight(found.at.estimate.rotation, view)).T
     rows = np.concatenate([np.broadcast_to(weight, (len(joints), 6, 6)), weight @ as_pose @ base], axis=2)
     seen = weight @ as_pose @ own

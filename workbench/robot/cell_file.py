@@ -400,6 +400,11 @@ class HomePart(_Part):
         default=None, description="of the joint target on the controller; null: the program declares it"
     )
 
+    @property
+    def joints(self) -> Float:
+        """(6,) rad."""
+        return np.array(self.joints_deg) * DEG
+
 
 class SpindlePart(_Part):
     """The spindle's signals."""

@@ -46,7 +46,7 @@ def turns_freely(cell: Cell, home: HomePart) -> bool:
     if cell.turntable is None or len(cell.axes) > 1:
         return cell.turntable is None
     places = np.linspace(cell.turntable.limits[0], cell.turntable.limits[1], 1000)
-    joints = np.tile(np.array(home.joints_deg) * DEG, (len(places), 1))
+    joints = np.tile(home.joints, (len(places), 1))
     return not CollisionScreen(cell.without_contact).swept(joints[None], places[None]).any()
 
 
@@ -61,14 +61,14 @@ def placed(program: ProgramMoves, cell: Cell) -> ProgramMoves:
     def filled(move: ProgramMove) -> ProgramMove:
         if move.place.lower() != name:
             return move
-        return dataclasses.replace(move, joints=np.array(home.joints_deg) * DEG, turntable=table)
+        return dataclasses.replace(move, joints=home.joints, turntable=table)
 
     return dataclasses.replace(program, moves=tuple(filled(move) for move in program.moves))
 
 
 def disorders(program: ProgramMoves, process: ProcessPart) -> Iterator[tuple[int, str]]:
     """Index of the move and what is wrong: it must begin and end at home, and mill with the spindle at speed."""
-    home = np.array(process.home.joints_deg) * DEG
+    home = process.home.joints
     for i in (0, len(program.moves) - 1):
         joints = program.moves[i].joints
         if joints is None or np.abs(joints - home).max() > SAME_PLACE:

@@ -48,7 +48,7 @@ def _ways_home(
     if process is None:
         return
     at_home = turntable_at_home(process.home, table[0] / DEG) * DEG
-    home = _by_joints(np.array(process.home.joints_deg) * DEG, at_home)
+    home = _by_joints(process.home.joints, at_home)
     begin = [] if process.probe is None else [(drawn_back(cell, joints[cuts], process.probe.distance_mm), table[cuts])]
     begin.append((drawn_back(cell, joints[0], process.approach_mm), table[0]))
     there = [_by_joints(off, angle) for off, angle in begin if off is not None]

@@ -17,7 +17,7 @@ from workbench.api import (
     result_file,
     stage,
 )
-from workbench.plugins.stiffness.elastic import balance, give_way, tangent_stiffness, way
+from workbench.plugins.stiffness.elastic import balance, give_way, tangent_stiffness, way, wrench_at
 from workbench.plugins.stiffness.values import Deflection, JointStiffness, Six
 
 Vector = tuple[float, float, float]
@@ -65,7 +65,7 @@ def deflection(
     wrench = np.array([*force_n, *torque_nm], float)
     if axes == "cutter":
         rotation = (forward_kinematics(cell.chain, joints) @ cell.flange_from_cutter)[:3, :3]
-        wrench = np.concatenate([rotation @ wrench[:3], rotation @ wrench[3:]])
+        wrench = wrench_at(rotation, np.zeros(3), wrench)
     k = stiffness.nm_per_rad
     if method == "balance":
         try:

@@ -256,7 +256,7 @@ def _check_home(kept: Cell) -> None:
     """Refuse a home from which no program could begin."""
     if kept.process is None:
         return
-    home, (low, high) = np.array(kept.process.home.joints_deg) * DEG, kept.chain.limits.T
+    home, (low, high) = kept.process.home.joints, kept.chain.limits.T
     for i in np.flatnonzero((home < low) | (home > high)).tolist():
         room = f"{low[i] / DEG:.2f} to {high[i] / DEG:.2f} deg"
         raise InputError(

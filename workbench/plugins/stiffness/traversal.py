@@ -300,7 +300,7 @@ class Examiner:
         said, hit, process = np.full(len(at), FREE), np.full(len(at), -1), self.whole.process
         if process is None:
             return said, hit
-        home = np.array(process.home.joints_deg) * DEG
+        home = process.home.joints
         for end, distance_mm in ((0, process.approach_mm), (len(self.points.layer) - 1, process.retract_mm)):
             rows = np.flatnonzero(at == end)
             joints = self.arm.joint_angles(self._back(flange[rows], distance_mm), configuration)

@@ -308,7 +308,7 @@ def _own_break(cloud: Cloud, rim: FaceRim, shown: EndFrames, unseen_mm: float, f
     information = float(grows @ gain)
     scale = (shown.depth - mean) @ gain / (information + 1.0 / (len(shown.depth) * USUALLY_WITHIN**2))
     value = shown.further_mm + unseen_mm * scale
-    lean = np.arctan(_recession(rim, shown.frames))
+    lean = np.arctan(rim.recession(shown.frames))
     lean -= lean.mean()
     off = value - np.median(value)
     most = FAR * np.median(np.abs(off))
@@ -425,7 +425,7 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool, burred: Bool, footprints: Floa
     if frames.size < LEAST_FRAMES:
         frames = np.flatnonzero(here & (face.sxx > 0.0))
         step = float(np.median(rim.step_mm[frames])) if frames.size else 0.05
-        slope = float(np.median(_recession(rim, frames))) if frames.size else 1.0
+        slope = float(np.median(rim.recession(frames))) if frames.size else 1.0
         edges = np.arange(LEAST_GROUPS + 1.0) * step
         unknown = _nothing_known(LEAST_GROUPS)
         phases = end_phases(True)
@@ -433,7 +433,7 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool, burred: Bool, footprints: Floa
         view = EndView(unknown, edges, math.atan(slope), step, phases, 0.0, 0.0, pixels)
         return view, EndFrames(frames[:0], np.zeros(0), np.zeros((0, LEAST_GROUPS)), edges)
     step = float(np.median(rim.step_mm[frames]))
-    slope = float(np.median(_recession(rim, frames)))
+    slope = float(np.median(rim.recession(frames)))
     width = float(np.median(np.sqrt(12.0 * face.sxx[frames] / face.count[frames]))) + rim.left_out_mm
     width *= math.hypot(1.0, slope)
     further = 0.0
@@ -539,11 +539,6 @@ def _fills_by_light(light: AnyArray, on_face: AnyArray, rival: AnyArray) -> Floa
     other = float(np.median(rival)) if rival.size else 0.0
     brighter = float((rival > usual).mean()) if rival.size else 0.0
     return np.array([faintest, max(faintest, other / (other + usual)), faintest + brighter * (1.0 - faintest)])
-
-
-def _recession(rim: FaceRim, frames: Int) -> Float:
-    """How fast the face falls away from the sensor towards its end, by x; negative: seen from beyond the end."""
-    return np.asarray(rim.sense[frames] * rim.side[frames] * rim.face.slope[frames])
 
 
 def _known_depths(depth: Float, edges_mm: Float) -> Depths:

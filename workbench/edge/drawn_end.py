@@ -34,7 +34,7 @@ RISE = 0.35  # usual tangent of a burr's lean out of the face
 FOLDS, LEAST_COLUMNS, MOST_COLUMNS = 24, 0.5, 16.0  # places of a fold, so many columns before the end
 BEGINS, ENDS = 1e-5, 0.01  # probability that a burr begins, and ends, from one cell to the next
 CHANGES = 0.3  # usual change of the logarithm of its length from one cell to the next
-HANGS, MISLED = 0.8, 0.1  # probability that a burr hangs on the edge, and that the ends' course does not tell it
+HANGS, MISLED = 0.5, 0.2  # probability that a burr hangs on the edge, and that the ends' course does not tell it
 FALLS = 0.1  # probability that a break makes the end fall
 EVIDENT = 3.0  # columns: shorter burrs are the rarer, the shorter: no return tells them
 INSIDE = 0.85  # of a face's width, where it is narrow: beyond lies the next face
@@ -47,7 +47,8 @@ class DrawnEnd(NamedTuple):
 
     mm: Shaped[Float, " N"]  # its length along the face, up to the last return
     u_mm: Shaped[Float, " N"]
-    off_mm: Shaped[Float, " N"]  # of it, what lies beyond the last return on the face's line
+    hanging_mm: Shaped[Float, " N"]  # the face's edge beyond the last return on its line, if the burr hangs on it
+    standing_mm: Shaped[Float, " N"]  # if it stands on the face
     alike: Shaped[Float, " N"]  # so many frames share the error of these
     rim_mm: float  # greatest length of the face, along x, that is a burr, where one is likely; 0: none
 
@@ -56,8 +57,9 @@ class DrawnEnd(NamedTuple):
 
         hangs: probability that the burr hangs on the edge. Else it stands on the face, which ends where the burr does.
         """
-        u = np.sqrt(hangs * self.u_mm**2 + hangs * (1.0 - hangs) * self.mm**2)
-        return self.off_mm - hangs * self.mm, u
+        apart = self.hanging_mm - self.standing_mm
+        u = np.sqrt(hangs * self.u_mm**2 + hangs * (1.0 - hangs) * apart**2)
+        return self.standing_mm + hangs * apart, u
 
     def hangs(self, s: Float, end_mm: Float, variance: Float, pass_index: Int) -> float:
         """Probability that the burr hangs on the edge, by whether the face's ends run more smoothly then.
@@ -81,24 +83,24 @@ class DrawnEnd(NamedTuple):
 
 def drawn_end(cloud: Cloud, rim: FaceRim, here: Bool) -> DrawnEnd:
     """The burrs of the frames `here` (N,), pass by pass."""
-    mm, u_mm, off_mm, most = np.zeros(here.size), np.zeros(here.size), np.zeros(here.size), 0.0
-    alike = np.ones(here.size)
+    of_frames, alike, most = np.zeros((4, here.size)), np.ones(here.size), 0.0
     for mine in by_pass(cloud.pass_index, here):
         frames = sampled(np.isin(np.arange(here.size), mine) & (rim.face.count > LEAST_GROUPS))
         found = _drawn(cloud, rim, frames) if frames.size >= LEAST_FRAMES else None
         if found is None:
             continue
-        for of, value in zip((mm, u_mm, off_mm), found.values, strict=True):
+        for of, value in zip(of_frames, found.values, strict=True):
             of[mine] = np.interp(mine, found.frame, value)
         alike[mine], most = TOGETHER * mine.size / found.frame.size, max(most, found.longest_mm)
-    return DrawnEnd(mm, u_mm, off_mm, alike, most)
+    mm, u_mm, hanging_mm, standing_mm = of_frames
+    return DrawnEnd(mm, u_mm, hanging_mm, standing_mm, alike, most)
 
 
 class _Cells(NamedTuple):
     """What the cells of a pass show."""
 
     frame: Shaped[Float, " c"]  # in the middle
-    values: Shaped[Float, "3 c"]  # length of the burr, its standard uncertainty, what of it lies off the line; mm
+    values: Shaped[Float, "4 c"]  # the first four of a DrawnEnd, mm
     longest_mm: float  # along x
 
 
@@ -127,9 +129,12 @@ def _drawn(cloud: Cloud, rim: FaceRim, frames: Int) -> _Cells | None:
     burred, length = share.sum(axis=1), share @ fold
     spread = 1.0 + math.log(fold[1] / fold[0]) ** 2 / 12.0  # of lengths between two of these
     u = np.sqrt(np.maximum(spread * (share @ fold**2) - length**2, 0.0))
-    off = burred * [further[cell].mean() for cell in cells]
+    last = burred * [further[cell].mean() for cell in cells]
+    # What stands on the face ends at the foot of its last return on the line; the ray meets the line elsewhere.
+    foot = burred * np.maximum(-mean[:, 0], 0.0) * float(np.median(rim.recession(frames)))
     longest = float(np.where(burred > 0.5, length / np.maximum(burred, 0.5), 0.0).max())
-    return _Cells(np.array([frames[cell].mean() for cell in cells]), np.stack([length, u, off]), longest / lean)
+    at = np.array([frames[cell].mean() for cell in cells])
+    return _Cells(at, np.stack([length, u, last - length, last - foot]), longest / lean)
 
 
 def _mean(depth: Float) -> Float:

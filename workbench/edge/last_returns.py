@@ -37,6 +37,10 @@ class FaceRim:
     upper: FaceLines | None = None  # the surface beyond that one, square to the face
     burred: Bool | bool = False  # frames (N,) of which the end would be free but for something that stands on it
 
+    def recession(self, frames: Int) -> Float:
+        """How fast the face falls away from the sensor towards its end, by x; negative: seen from beyond the end."""
+        return np.asarray(self.sense[frames] * self.side[frames] * self.face.slope[frames])
+
 
 def root_rim(tracked: TrackedFaces, left_out_mm: float = 0.0) -> FaceRim:
     """The lower end of a milled edge's root face; left_out_mm: of it, along x, where its line was fitted elsewhere."""

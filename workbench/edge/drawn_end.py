@@ -30,11 +30,13 @@ from workbench.geometry.medians import median
 from workbench.units import TO_SD, Bool, Float, Int, Shaped
 
 CELL_FRAMES, TOGETHER = 16, 4.0  # sampled frames of a cell; cells that share the error of a fold's place
-RISE = 0.35  # usual tangent of a burr's lean out of the face
+RISE, RISE_SD = 0.27, 0.15  # tangent of a burr's lean out of the face
 FOLDS, LEAST_COLUMNS, MOST_COLUMNS = 24, 0.5, 16.0  # places of a fold, so many columns before the end
 BEGINS, ENDS = 1e-5, 0.01  # probability that a burr begins, and ends, from one cell to the next
 CHANGES = 0.3  # usual change of the logarithm of its length from one cell to the next
 HANGS, MISLED = 0.5, 0.2  # probability that a burr hangs on the edge, and that the ends' course does not tell it
+CLEAN_MM = 0.05  # of a burr, up to which an end counts as the face's own, beside one here and there
+LEAST_ALONG = 0.5  # share of the frames from which on a burr is one all along
 FALLS = 0.1  # probability that a break makes the end fall
 EVIDENT = 3.0  # columns: shorter burrs are the rarer, the shorter: no return tells them
 INSIDE = 0.85  # of a face's width, where it is narrow: beyond lies the next face
@@ -52,6 +54,17 @@ class DrawnEnd(NamedTuple):
     alike: Shaped[Float, " N"]  # so many frames share the error of these
     rim_mm: float  # greatest length of the face, along x, that is a burr, where one is likely; 0: none
 
+    def beside(self, seen: Bool) -> DrawnEnd:
+        """The same, without the ends of burred frames where most of those `seen` (N,) have none: NaN.
+
+        A burr here and there is told by the frames beside it. Of one all along, where it begins shows the end.
+        """
+        burred = np.hypot(self.mm, self.u_mm) > CLEAN_MM
+        if burred[seen].mean() > LEAST_ALONG:
+            return self
+        hanging_mm, standing_mm = (np.where(burred, np.nan, of) for of in (self.hanging_mm, self.standing_mm))
+        return self._replace(u_mm=np.where(burred, 0.0, self.u_mm), hanging_mm=hanging_mm, standing_mm=standing_mm)
+
     def edge(self, hangs: float) -> tuple[Float, Float]:
         """How far the face's edge lies beyond its last return on the line (N,), mm, and its standard uncertainty.
 
@@ -59,14 +72,14 @@ class DrawnEnd(NamedTuple):
         """
         apart = self.hanging_mm - self.standing_mm
         u = np.sqrt(hangs * self.u_mm**2 + hangs * (1.0 - hangs) * apart**2)
-        return self.standing_mm + hangs * apart, u
+        return self.standing_mm + hangs * apart, np.nan_to_num(u)
 
     def hangs(self, s: Float, end_mm: Float, variance: Float, pass_index: Int) -> float:
         """Probability that the burr hangs on the edge, by whether the face's ends run more smoothly then.
 
         end_mm: (N,) the last returns on the line at s (N,) mm; variance: (N,) of these, mm^2.
         """
-        on = np.isfinite(s + end_mm)
+        on = np.isfinite(s + end_mm + self.hanging_mm)
         variance = variance + self.alike * self.u_mm**2
         stands, hangs = (
             fit_course(s[on], (end_mm + self.edge(share)[0])[on], variance[on], pass_index[on]).log_evidence
@@ -179,11 +192,15 @@ def _log_ratios(mean: Float, noise: Float, edges_mm: Float, fold: Float) -> Floa
     covariance[: MIXED_MM.size, : MIXED_MM.size] += np.diag(MIXED_MM**2)
     rise = -np.maximum(fold[:, None] - middle, 0.0)
     gain = np.linalg.solve(covariance, rise.T)  # (g, k)
-    variance = 1.0 / ((rise.T * gain).sum(axis=0) + 1.0 / RISE**2)
-    z = np.sqrt(variance) * (mean @ gain)
-    both = 0.5 * z**2 + 0.5 * np.log(4.0 * variance / RISE**2)
-    falls = scipy.special.logsumexp(both + scipy.special.log_ndtr(-z)) + math.log(FALLS / fold.size)
-    return np.asarray(both + scipy.special.log_ndtr(z) - np.logaddexp(math.log(1.0 - FALLS), falls))
+    variance = 1.0 / ((rise.T * gain).sum(axis=0) + 1.0 / RISE_SD**2)
+    shown, usual = mean @ gain, RISE / RISE_SD**2
+
+    def log_of(sense: float) -> Float:
+        rises = 0.5 * variance * (shown + sense * usual) ** 2 - 0.5 * (RISE / RISE_SD) ** 2
+        return np.asarray(rises + 0.5 * np.log(variance / RISE_SD**2))
+
+    falls = scipy.special.logsumexp(log_of(-1.0)) + math.log(FALLS / fold.size)
+    return np.asarray(log_of(1.0) - np.logaddexp(math.log(1.0 - FALLS), falls))
 
 
 def _folds(log: Float, columns: Float) -> Float:

@@ -22,6 +22,7 @@ from workbench.units import DEG, Bool, Float
 
 JOIN_MM = 0.6  # faces whose lines cross within this distance of both their ends meet in a corner
 ANGLE_SIGMA = 8.0 * DEG  # how far a bevel may be from nominal, with the laser plane oblique
+SQUARE_SIGMA = 5.0 * DEG  # how far root face and upper surface may be from square, with the laser plane oblique
 WIDTH_SIGMA = 0.6  # of the logarithm of root width over nominal
 WORST_SCORE = 5.5
 CONTEXT = 3.0  # what a further corner of the right (wrong) angle gains (costs)
@@ -124,8 +125,8 @@ def _of_one_face(chain: Float, apart: int) -> tuple[Bool, Float]:
     return fits, np.stack([slope, offset], axis=1)
 
 
-def _off(angle: float, expected: float) -> float:
-    return 0.5 * ((angle - expected) / ANGLE_SIGMA) ** 2
+def _off(angle: float, expected: float, sigma: float = ANGLE_SIGMA) -> float:
+    return 0.5 * ((angle - expected) / sigma) ** 2
 
 
 def candidates(chain: Float, cut: Bool, root_nominal_mm: float, bevel_nominal: float) -> Iterator[Candidate]:
@@ -175,9 +176,10 @@ def _read(
     upper_row = lower_row = None
     root_end = r[X1] if side > 0 else r[X0]
     if upper is not None:
-        if _off(convex(chain[upper], b), math.pi / 2 - angle) < 4.5:
+        off = convex(chain[upper], b), math.pi / 2 - angle
+        if _off(*off) < 4.5:
             upper_row, wide = chain[upper], width_mm(chain[upper]) > WIDER * root_nominal_mm
-            score -= CONTEXT if wide else 0.0
+            score -= max(CONTEXT - _off(*off, SQUARE_SIGMA), 0.0) if wide else 0.0
         elif convex(chain[upper], b) > 0:
             score += CONTEXT
     if lower is not None:

@@ -100,3 +100,11 @@ def test_a_design_the_wrong_way_round_is_told() -> None:
     sound = by_sphere(23)
     said = json.loads(found(replace(sound, flange_from_profiler=inverse(sound.flange_from_profiler))).content)
     assert "the hand-eye pose is inverted: it maps the flange to the profiler" in " ".join(said["warnings"])
+
+
+@pytest.mark.parametrize("made", [by_sphere, by_edge])
+def test_poses_of_another_tool_frame_are_told(made: Any) -> None:
+    """All rows with a tool of 100 mm active: the hand-eye pose was 100 mm off, without a word."""
+    other = of_poses(lambda turn, position: (turn, position + turn.apply([0.0, 0.0, 100.0])))
+    (said,) = json.loads(found(other(made(22))).content)["warnings"]
+    assert "another tool was active" in said

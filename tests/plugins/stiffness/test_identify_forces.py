@@ -55,6 +55,14 @@ def test_run_out_and_misfit_are_told() -> None:
     assert all(0 < share < 1 for row in got["recordings"] for share in row["variance_beyond_bandwidth"])
 
 
+def test_a_feed_that_was_not_reached_is_in_u() -> None:
+    """K_tc was 28 % off at u of 4 %, without a word; a dynamometer that is turned shows in no residual."""
+    sound, stated = found(SHIPPED, FEEDS), found(SHIPPED, [300.0, 600.0, 1058.0])
+    assert np.abs((values(stated) - TRUE) / list(stated["u"].values())).max() < 3.5
+    assert "a feed that was not reached" in stated["not_included"][0]
+    assert "turned by 1 deg" in sound["not_included"][0]
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("swap", [False, True])
 def test_however_the_dynamometer_stands(tmp_path: Path, swap: bool, sign: float) -> None:
@@ -133,6 +141,7 @@ def test_another_unit_of_force_is_named(tmp_path: Path, unit: str, newtons: floa
         ({"axes": ("x", "x", "z")}, "once each"),
         ({"feeds_mm_min": [900.0, 300.0]}, "order"),
         ({"feeds_mm_min": [5.0, 15.0]}, "K_tc would be .* published of al7075_t6 is 767: are feeds in mm/s"),
+        ({"feeds_mm_min": [0.3, 0.9], "material": "s355"}, "K_tc would be .* of a metal: are feeds in m/min"),
     ],
 )
 def test_what_contradicts_itself_is_refused(change, words: str) -> None:

@@ -24,7 +24,7 @@ from workbench.plugins.calibration.fixed_faces import part_of
 from workbench.plugins.calibration.model import Noise, view_of_points
 from workbench.plugins.calibration.profile_lines import Target, marks_of
 from workbench.plugins.calibration.search import located, undetermined
-from workbench.plugins.calibration.suspicions import rotation_warnings
+from workbench.plugins.calibration.suspicions import pose_warnings
 from workbench.plugins.calibration.tables import fit_words, noisy, sentence
 from workbench.plugins.calibration.values import Rejected
 from workbench.plugins.calibration.verdicts import (
@@ -117,7 +117,7 @@ def hand_eye_faces(
         (root_tolerance_mm, bevel_tolerance_deg),
         words,
     )
-    warned = rotation_warnings(best.at.pose.rotation, recording.flange_from_profiler)
+    warned = pose_warnings(best.at.pose, recording.flange_from_profiler)
     warned += noisy(best, "the lines", "a part that moved or is not flat, a systematic robot error, or a wrong noise")
     left_out = np.flatnonzero(~best.used).tolist()
     if left_out:

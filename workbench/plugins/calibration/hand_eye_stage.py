@@ -40,7 +40,7 @@ from workbench.plugins.calibration.model import (
 from workbench.plugins.calibration.observations import Timed
 from workbench.plugins.calibration.shared_errors import Settled, correlated, settled
 from workbench.plugins.calibration.solve import Answer, check_determined, solve
-from workbench.plugins.calibration.suspicions import rotation_warnings
+from workbench.plugins.calibration.suspicions import pose_warnings
 from workbench.plugins.calibration.values import Calibration, Method, SphereProfiles
 from workbench.plugins.calibration.verdicts import (
     Sensor,
@@ -144,7 +144,7 @@ def hand_eye(
         ("the hand-eye pose", "add postures, first those of calibration_plan.csv"),
     )
     calibration = _calibration(method, (answer, view, sensor), profiles, recording, noise, systematic_mm, verdict)
-    far = rotation_warnings(found.estimate.rotation, recording.flange_from_profiler)
+    far = pose_warnings(found.estimate, recording.flange_from_profiler)
     calibration = replace(calibration, warnings=(*calibration.warnings, *far, *unused))
     names = ("sensor_scale_u", "sphere_center_mm", "time_offset_s", "time_offset_u_s", "residual_rms_mm", "method")
     more = {name: getattr(calibration, name) for name in (*names, "frames_used", "warnings")}

@@ -18,12 +18,17 @@ from workbench.api import (
     rotation_from_quaternion,
     vector_from_rotation,
 )
+from workbench.plugins.calibration.model import Estimate
 
 Fitted: TypeAlias = Callable[[], float]
 NAMED = 3  # suspicions in a sentence; of so many times as many, the likeliest, the misfit is fitted
 ALIKE = 4.0  # times the least misfit: explains nearly as well
 DESIGN_DEG = 20.0  # by which a design's pose may be off
-FAR_DEG = 30.0  # beyond it nobody took it for the same pose
+FAR_DEG, FAR_MM = 30.0, 60.0  # beyond it nobody took it for the same pose
+OTHER_TOOL = (
+    "the hand-eye pose lies {:.0f} mm from the recording's own (/hand_eye); suspicion: the poses are those of a tool "
+    "frame, no longer the flange's (another tool was active), or that pose is of another mount"
+)
 
 
 def suspected(base_from_flange: Float, begin: Callable[[Float], tuple[float, Fitted]], most: float) -> str:
@@ -53,14 +58,16 @@ def suspected(base_from_flange: Float, begin: Callable[[Float], tuple[float, Fit
     return " or ".join(list(named)[:NAMED])
 
 
-def rotation_warnings(rotation: Float, design: Float | None) -> tuple[str, ...]:
-    """A warning where a hand-eye rotation is far from that which its recording carries, with the likeliest cause."""
+def pose_warnings(pose: Estimate, design: Float | None) -> tuple[str, ...]:
+    """A warning where a hand-eye pose is far from that which its recording carries, with the likeliest cause."""
     if design is None or (design == np.eye(4)).all():
         return ()
-    between = design[:3, :3].T @ rotation
+    between = design[:3, :3].T @ pose.rotation
+    far_mm = float(np.linalg.norm(pose.translation_mm - design[:3, 3]))
+    moved = (OTHER_TOOL.format(far_mm),) if far_mm > FAR_MM else ()
     off = _angle_deg(between)
     if off <= FAR_DEG:
-        return ()
+        return moved
     x, _, z = np.eye(3, dtype=np.float32)
     causes = [(DESIGN_DEG, "that pose is of another convention")]
     for profile in known_profile_readings():
@@ -69,9 +76,10 @@ def rotation_warnings(rotation: Float, design: Float | None) -> tuple[str, ...]:
         causes.append((_angle_deg(frame.T @ between), profile.name))
     for one in known_conventions():
         if one.hand_eye is not None:
-            causes.append((_angle_deg(one.hand_eye(design)[:3, :3].T @ rotation), one.name))
+            causes.append((_angle_deg(one.hand_eye(design)[:3, :3].T @ pose.rotation), one.name))
     cause = min(causes, key=lambda one: round(one[0]))[1]  # of equals the likeliest, which comes first
-    return (f"the hand-eye pose is turned by {off:.0f} deg from the recording's own (/hand_eye); suspicion: {cause}",)
+    turned = f"the hand-eye pose is turned by {off:.0f} deg from the recording's own (/hand_eye); suspicion: {cause}"
+    return (*moved, turned)
 
 
 def _angle_deg(rotation: Float) -> float:

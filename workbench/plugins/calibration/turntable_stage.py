@@ -229,7 +229,7 @@ def turntable(
     if abs(scale) > SURE * scale_u:
         raise InputError(
             str(marks),
-            f"the points turn by {1.0 + scale:.4g} times the angles given, to {scale_u:.2g} (u): are angle_deg "
+            f"the points turn by {1.0 + scale:.6g} times the angles given, to {scale_u:.2g} (u): are angle_deg "
             "the table's own angles, in deg?",
         )
     apart += noisy(found, "the points", "is each marker the same point at all angles, does the table wobble?")

@@ -56,11 +56,18 @@ HARDER = {  # what makes K_tc how many times as large as it is
     "are forces in lbf (4.448 N)": 1 / 4.448,
     "are feeds in inches a minute": 25.4,
     "are feeds in mm/s": 60.0,
+    "are feeds in m/min": 1e3,
 }
 LEAST = 1e-3  # of the stated ones, for a set-up that is exactly as stated
 NOT_INCLUDED = (
     "another edge, other cutting speeds, wear of more than some per cent from recording to recording",
-    "feeds other than stated: 1 % of an override changes the cutting coefficients by 1 %",
+    "feeds other than stated: 1 % of an override in all recordings changes the cutting coefficients by 1 %",
+)
+NOISY = 2.0  # misfit that is told
+OF_METALS = 50.0, 12_000.0  # N/mm2, K_tc: magnesium to nickel alloys, at fine feeds
+APART = (
+    "{:.1f} times what zeros, gains and wear explain: by so much the means lie off lines in the feed. u holds that as "
+    "chance, not as a feed that was not reached or a zero that moved"
 )
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 
@@ -166,7 +173,13 @@ def identify_forces(
         runout = _run_out(chosen, recorded, per_tooth, cut, np.radians(helix_deg))
         chosen = _fitted(recorded, per_tooth, cut, chosen.turn, runout.lost_n, as_built_u)
     _check_teeth(recorded, chosen, runout)
-    published = PUBLISHED.get(material)
+    published, low, high = PUBLISHED.get(material), *OF_METALS
+    if published is None and not low < chosen.values[0] < high:
+        likely = unlike(chosen.values[0] / math.sqrt(low * high), HARDER)
+        raise InputError(
+            recorded[0].source,
+            f"K_tc would be {chosen.values[0]:.3g} N/mm2, expected {low:g} to {high:g} of a metal: {likely}?",
+        )
     if published is not None and (likely := unlike(chosen.values[0] / published.ktc_n_mm2, HARDER)):
         raise InputError(
             recorded[0].source,
@@ -199,9 +212,27 @@ def identify_forces(
             for one, c, left in zip(recorded, per_tooth, chosen.left_n, strict=True)
         ],
         "bandwidth_hz": bandwidth_hz,
-        "not_included": NOT_INCLUDED,
+        "not_included": _not_included(cut, per_tooth, chosen),
     }
     return result_file("coefficients.json", content), _chapter(content, chosen, len(tried))
+
+
+def _not_included(cut: Cutting, per_tooth: Float, chosen: Tried) -> list[str]:
+    """What the means do not show, with what it would change of these coefficients."""
+    matrix = mean_matrix(cut, per_tooth)
+    mean, later = matrix @ chosen.values, np.argsort(np.argsort(per_tooth))[:, None]
+    causes = {
+        "a dynamometer turned by 1 deg about the spindle's axis": np.radians(1.0)
+        * mean[:, [1, 0, 2]]
+        * [-1.0, 1.0, 0.0],
+        "a zero that rises by 1 N from feed to feed": np.broadcast_to(later, mean.shape),
+        "a depth of cut that rises by 1 % from feed to feed": 0.01 * later * mean,
+    }
+    said = [] if (chosen.misfit or 0.0) <= NOISY else [APART.format(math.sqrt(chosen.misfit or 0.0))]
+    for cause, moved in causes.items():
+        by = np.linalg.lstsq(matrix.reshape(-1, 6), moved.ravel(), rcond=None)[0]
+        said.append(f"{cause}: K_tc by {by[0]:.0f}, K_rc by {by[1]:.0f} N/mm2")
+    return [*said, *NOT_INCLUDED]
 
 
 def _recorded(path: Path, forces: Forces, cut: Cutting) -> Recorded:
@@ -394,7 +425,8 @@ def _fitted(
     means = _Means(mean, covariance, mean_matrix(cut, per_tooth), lost_n, as_built_u)
     found = estimator.fit(means, np.zeros(11 + 4 * len(recorded)))
     misfit = found.misfit if found.freedom > 0 else None
-    return Tried(turn, found.at[:6], found.covariance[:6, :6], misfit, found.rows.residual)
+    wider = max(misfit or 0.0, 1.0)  # as Birge has it, Physical Review 40 (1932), 207
+    return Tried(turn, found.at[:6], wider * found.covariance[:6, :6], misfit, found.rows.residual)
 
 
 def _chosen(tried: Sequence[Tried], recorded: Sequence[Recorded], stated: bool) -> Tried:
@@ -502,6 +534,6 @@ def _chapter(content: dict[str, Any], chosen: Tried, tried: int) -> Chapter:
             + ("none, as many coefficients as means" if misfit is None else f"{misfit:.2f} (1 is usual)")
             + f". Run-out by the once-per-turn line: at least {content['least_runout_mm']:.4f} mm."
         )
-        + pieces.list_html([f"Not included: {one}" for one in NOT_INCLUDED])
+        + pieces.list_html([f"Not included: {one}" for one in content["not_included"]])
     )
     return Chapter("Cutting coefficients", text, summary=summary)

@@ -48,6 +48,7 @@ from workbench.plugins.stiffness.values import JointStiffness, LoadingTests
 
 MANY = 0.1  # share of what was seen: where more contradicts the rest, it is no gross error here and there
 ASKED = "are the joint angles those at which the loads were put on?"
+LITTLE = 1e-3  # share of a joint's compliance that is no change
 
 
 @stage("stiffness.identify")
@@ -152,9 +153,10 @@ def identify_from(
     if lack.causes:
         share = np.abs(lack.change / compliance)
         joint = int(share.argmax())
+        changes = f"change joint {joint + 1} by {100 * share[joint]:.2g} %, and stands in u"
         warnings.append(
             f"six springs alone do not explain the displacements; what would: {lack.causes}. That would "
-            f"change joint {joint + 1} by {100 * share[joint]:.2g} %, and stands in u"
+            + (changes if share[joint] > LITTLE else "change no joint")
         )
     of_gain = 0.01 * compliance / estimator.standard_u(covariance)
     gain = (

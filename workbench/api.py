@@ -4,7 +4,6 @@ A plug-in is a distribution with an entry point in the group `workbench.stages`:
 module that defines its stages (docs/pipelines.md).
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from workbench import artefacts, pieces, plot
@@ -194,16 +193,26 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
 __all__ += artefacts.__all__
 
 
-HOMES = {  # modules of what is imported on first use, but for result files and the robot's names
-    **dict.fromkeys(("Forces", "read_forces"), "force_file"),
-    **dict.fromkeys(("Certified", "certified_length"), "certificate"),
-    **dict.fromkeys(("Limits", "known_conventions", "known_profile_readings", "refuse_unsound"), "checks"),
-}
-
-
 def __getattr__(name: str) -> Any:
     """Import the robot cell's names and the models of result files on first use."""
-    if name not in __all__:
-        raise AttributeError(f"module 'workbench.api' has no attribute {name!r}")
-    home = "result_files" if name.endswith(("File", "result_file")) else "robot"
-    return getattr(import_module(f"workbench.{HOMES.get(name, home)}"), name)
+    if name in __all__ and name.endswith(("File", "result_file")):
+        from workbench import result_files
+
+        return getattr(result_files, name)
+    if name in ("Forces", "read_forces"):
+        from workbench import force_file
+
+        return getattr(force_file, name)
+    if name in ("Certified", "certified_length"):
+        from workbench import certificate
+
+        return getattr(certificate, name)
+    if name in ("Limits", "known_conventions", "known_profile_readings", "refuse_unsound"):
+        from workbench import checks
+
+        return getattr(checks, name)
+    if name in __all__:
+        from workbench import robot
+
+        return getattr(robot, name)
+    raise AttributeError(f"module 'workbench.api' has no attribute {name!r}")

@@ -232,6 +232,7 @@ class RobotFile(Measured):
     parameters: list[ArmErrorRow]
     covariance: list[list[Number]] = Field(description="of the parameters, mm and rad")
     left_as_built: list[str] = Field(description="what the measurements leave open, and why")
+    not_included: list[str] = Field(default_factory=list, description="errors that no reading shows, with their size")
     u_mm: NotNegative = Field(description="of a place, along an axis, by the corrected robot")
     residual_rms_as_built_mm: UnknownU = None
     flange_from_profiler: Matrix | None = Field(default=None, description="for the corrected robot: see handeye.json")

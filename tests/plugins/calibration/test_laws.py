@@ -190,3 +190,25 @@ def test_the_axis_of_two_markers_at_two_angles_is_the_one_that_fits_best(tmp_pat
     """Another direction, 2 deg off, fits nearly as well: the search must not end there."""
     found = asked(tmp_path, "turntable", mark_rows(np.random.default_rng(22), markers=3, angles=(0, 90)))
     assert np.linalg.norm(np.array(found["axis_point_mm"])[:2] - CENTRE[:2]) < 5.0
+
+
+def test_what_a_tracker_s_scale_would_change_is_what_it_changes(tmp_path: Path) -> None:
+    """Readings longer by 1e-4 move a length by 3.7 u, and no residual shows it: its size stands in the result."""
+    folder = Path(__file__).parents[3] / "data"
+    lines = (folder / "calibration" / "tracker.csv").read_text(encoding="utf-8").splitlines()
+    rows = [line.split(",") for line in lines[2:]]
+    longer = [",".join([*row[:7], *(f"{1.0001 * float(x):.6f}" for x in row[7:])]) for row in rows]
+    (tmp_path / "longer.csv").write_text("\n".join([lines[1], *longer]) + "\n", encoding="utf-8")
+    cell = str(folder / "robot" / "cell.json")
+    before, after = (
+        json.loads(tracker(readings=str(file), cell=cell)[0].content)
+        for file in (folder / "calibration" / "tracker.csv", tmp_path / "longer.csv")
+    )
+    said = next(one for one in before["not_included"] if "scale" in one)
+    name, size = said.split(": the ")[1].split(" by ")
+    moved = [
+        one["value_mm"] - other["value_mm"]
+        for one, other in zip(after["parameters"], before["parameters"], strict=True)
+        if one["name"] == name
+    ]
+    assert moved == [pytest.approx(float(size.split()[0]), abs=0.01)]

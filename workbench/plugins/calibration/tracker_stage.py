@@ -61,6 +61,7 @@ LEAST_POSTURES = 4
 SAME_MM, SAME = 0.1, 0.02 * DEG  # between flange poses: less is the same posture, as a robot repeats it
 MOST_MM = 5.0  # that readings may lie off, RMS an axis: no robot is so badly built, as the lengths' prior says
 BEYOND = 5.0  # standard deviations of how a robot is built
+SCALE, SAG, COUPLING = 1e-4, 0.01 * DEG, 1e-3  # of what the arm's model lacks, for its sizes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -218,6 +219,7 @@ def tracker(
         "residual_rms_mm": rms,
         "u_mm": u,
         "readings": len(residual),
+        "not_included": not_included(found, every, arm),
         **fit_fields(found, left_out, verdict, warnings),
     }
     return robot_results(
@@ -229,6 +231,29 @@ def tracker(
         f"{fit_words(found)}",
         UNKNOWN_PART.with_names(part),
     )
+
+
+def not_included(found: estimator.Fit[Tracked], every: Readings, arm: ArmErrors) -> list[str]:
+    """What the arm's model lacks, with the parameter that it would change most against its uncertainty."""
+    if every.joints is None or not len(arm):
+        return []
+    first, turned = found.rows.jacobian.shape[2] - len(arm), every.joints
+    offset = {name[-1]: found.rows.jacobian[..., first + k] for k, name in enumerate(arm.names) if "offset" in name}
+    causes = {"a tracker's scale off by 1e-4, or a robot 9 K warmer": SCALE * every.place_mm}
+    for joint in ("2", "3"):
+        if joint in offset:
+            sags = SAG * np.sin(turned[:, int(joint) - 1])[:, None] * offset[joint]
+            causes[f"a joint {joint} that sags by {SAG / DEG:g} deg and the sine of its angle"] = sags
+    if "6" in offset:
+        causes[f"a joint 6 that joint 5 turns along by {COUPLING:g}"] = COUPLING * turned[:, 4, None] * offset["6"]
+    moved = found.carried(np.stack(list(causes.values()), axis=2))[first:]
+    times = np.abs(moved) / estimator.standard_u(found.covariance[first:, first:])[:, None]
+    worst = times.argmax(axis=0)
+    said = []
+    for q, (cause, k) in enumerate(zip(causes, worst.tolist(), strict=True)):
+        size = f"{moved[k, q] / DEG:.3f} deg" if arm.twist[k, 3:].any() else f"{moved[k, q]:.2f} mm"
+        said.append(f"{cause}: the {arm.names[k]} by {size}, {times[k, q]:.2g} u")
+    return said
 
 
 def read_readings(path: InputFile, chain: Chain | None) -> Readings:

@@ -48,4 +48,4 @@ def test_a_burr_that_rises_out_of_a_face_does_not_move_its_edge(
     assert not part.refused
     error, u = part.found[size].error, part.found[size].u
     assert np.abs(error / u).max() < MOST
-    assert np.median(u) < LENGTH_MM  # a tell-tale of how much: what is told is no shrug
+    assert np.median(u) < 0.7 * LENGTH_MM  # less than that nothing were known of the burr

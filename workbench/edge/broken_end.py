@@ -244,7 +244,7 @@ def broken_end(
     if corner is not None:
         size, rim_mm = max(size, corner.radius_mm), max(rim_mm, corner.rim_mm)
     hidden = np.where(here, _hidden_end_u_mm(cloud, rim.face), 0.0)
-    drawn = burr if burr.rim_mm > 0.0 else None
+    drawn = burr.beside(here | rim.burred) if burr.rim_mm > 0.0 else None
     rim_mm = max(rim_mm, burr.rim_mm)
     return BrokenEnd(beyond, u, hidden, size, rim_mm, u, share, dict(zip(numbers, seen, strict=True)), own, drawn)
 

@@ -24,7 +24,6 @@ from workbench.edge.last_returns import (
     pattern_noise,
     sampled,
 )
-from workbench.geometry.along import by_pass
 from workbench.geometry.course import fit_course
 from workbench.geometry.medians import median
 from workbench.units import TO_SD, Bool, Float, Int, Shaped
@@ -41,6 +40,10 @@ FALLS = 0.1  # probability that a break makes the end fall
 EVIDENT = 3.0  # columns: shorter burrs are the rarer, the shorter: no return tells them
 INSIDE = 0.85  # of a face's width, where it is narrow: beyond lies the next face
 BOWED = 0.2  # share of a usual bow by which cells of one face differ
+BURRED = (
+    "a burr of up to {:.2f} mm rises out of {}, {:.0f} to {:.0f} mm along it: it is not in the sizes, unless it stands "
+    "on the face itself; what that leaves open is in u"
+)
 MIXED_MM = np.array([0.03, 0.01])  # by which optics have the last columns off: sheets of light, blur
 
 
@@ -63,10 +66,12 @@ class DrawnEnd(NamedTuple):
         if burred[seen].mean() > LEAST_ALONG:
             return self
         hanging_mm, standing_mm = (np.where(burred, np.nan, of) for of in (self.hanging_mm, self.standing_mm))
-        return self._replace(u_mm=np.where(burred, 0.0, self.u_mm), hanging_mm=hanging_mm, standing_mm=standing_mm)
+        return self._replace(hanging_mm=hanging_mm, standing_mm=standing_mm)
 
     def edge(self, hangs: float) -> tuple[Float, Float]:
         """How far the face's edge lies beyond its last return on the line (N,), mm, and its standard uncertainty.
+
+        NaN, and 0, where the frames beside tell it.
 
         hangs: probability that the burr hangs on the edge. Else it stands on the face, which ends where the burr does.
         """
@@ -94,11 +99,20 @@ class DrawnEnd(NamedTuple):
         return self.mm > 2.0 * self.u_mm
 
 
+def burr_note(end: str, drawn: DrawnEnd | None, s: Float) -> tuple[str, ...]:
+    """What a burr at an `end` of a face was, of frames at s (N,) mm along it, in words."""
+    proven = np.isfinite(s) & (drawn is not None and drawn.is_proven)
+    if drawn is None or not proven.any():
+        return ()
+    return (BURRED.format(drawn.mm[proven].max(), end, s[proven].min(), s[proven].max()),)
+
+
 def drawn_end(cloud: Cloud, rim: FaceRim, here: Bool) -> DrawnEnd:
     """The burrs of the frames `here` (N,), pass by pass."""
     of_frames, alike, most = np.zeros((4, here.size)), np.ones(here.size), 0.0
-    for mine in by_pass(cloud.pass_index, here):
-        frames = sampled(np.isin(np.arange(here.size), mine) & (rim.face.count > LEAST_GROUPS))
+    for number in np.unique(cloud.pass_index[here]):
+        on = here & (cloud.pass_index == number)
+        mine, frames = np.flatnonzero(on), sampled(on & (rim.face.count > LEAST_GROUPS))
         found = _drawn(cloud, rim, frames) if frames.size >= LEAST_FRAMES else None
         if found is None:
             continue

@@ -263,7 +263,7 @@ def _looked(view: EndView, looks: list[Float]) -> _Looked:
     covariance, own = view.known.noise + view.known.free, QUARTER * fall
     score, hooked, amount, offset = np.empty((4, of.size))
     hook = HOOK_MM / view.step_mm * shift
-    _log_likelihoods(view.known.mean, covariance + offset_ends(seen.shape[1]), seen, own, hook, offset, hooked, amount)
+    _log_likelihoods(view.known.mean, covariance + _offset_ends(seen.shape[1]), seen, own, hook, offset, hooked, amount)
     _log_likelihoods(view.known.mean, covariance, seen, own, hook, score, hooked, amount)
     score = np.logaddexp(math.log(1.0 - HOOKED) + score, math.log(HOOKED) + hooked)
     seen += (HOOKED * np.exp(hooked - score) * amount)[:, None] * hook
@@ -281,7 +281,7 @@ def _looked(view: EndView, looks: list[Float]) -> _Looked:
     return _Looked((most + np.log(total))[:, 0], mean, spread, fall, weight)
 
 
-def offset_ends(groups: int) -> Float:
+def _offset_ends(groups: int) -> Float:
     """Covariance (g, g) of returns that are offset together, from any of the LAST groups on, by OFFSET_MM."""
     inner = np.minimum(np.arange(groups) / LAST, 1.0)
     return np.asarray(OFFSET_MM**2 * (1.0 - np.maximum(inner[:, None], inner)))

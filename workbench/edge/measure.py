@@ -92,7 +92,6 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces, broken: BrokenEnd | None =
     broken = broken or whole_end(len(tracked.seen))
     if broken.drawn is not None:
         tracked = replace(tracked, end_is_burred=tracked.end_is_burred & ~broken.drawn.is_proven)
-        broken = replace(broken, drawn=broken.drawn.beside(tracked.seen))
     corners, along = _corners(cloud, tracked)
     seen = tracked.seen & np.isfinite(corners).all(axis=1) & np.isfinite(along).all(axis=1)
     check_advance(cloud, corners[seen])

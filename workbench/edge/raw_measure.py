@@ -554,7 +554,7 @@ def _broken(cloud: Cloud, found: RawFaces, side: _Side, condition: EdgeCondition
     for p in np.unique(cloud.pass_index[here]):
         of_pass = here & (cloud.pass_index == p)
         for value in likewise.values():
-            value[side.silhouette & ~here & (cloud.pass_index == p)] = np.median(value[of_pass])
+            value[side.silhouette & ~here & (cloud.pass_index == p)] = np.nanmedian(value[of_pass])
     return replace(broken, **likewise)
 
 

@@ -34,6 +34,7 @@ from workbench.checks.residuals import FaceAlong, Late, every_second, late_check
 from workbench.checks.window import end_step_check
 from workbench.edge.broken_end import NOT_SHARP, together_along
 from workbench.edge.column_errors import ColumnErrors, Linearity, declared_linearity, notes_of, without_column_errors
+from workbench.edge.drawn_end import burr_note
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED
@@ -253,6 +254,8 @@ def _edge(
     direction = Quantity.of("axis_deg", measured.tilt.value(at) / DEG, {name: u / DEG for name, u in axis.items()})
     both = (("lower", measured.lower.broken.size_mm), ("upper", measured.upper.broken.size_mm))
     notes = tuple(ROUNDED.format(name, radius) for name, radius in both if radius > 0)
+    for name, end in (("lower", measured.lower), ("upper", measured.upper)):
+        notes += burr_note(f"the end face's {name} end", end.broken.drawn, end.s - start)
     step = np.interp(at, measured.lower.course.at_mm, measured.lower.step_mm)
     notes += (*step_note("the end face's lower end", step, at - start), *(check.finding for check in _lies_on(found)))
     return RawEdge(

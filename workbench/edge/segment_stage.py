@@ -24,6 +24,7 @@ from workbench.checks.window import end_step_check
 from workbench.edge.broken_end import NOT_SHARP, BrokenEnd, broken_end, together_along, weights
 from workbench.edge.certified import certified, certified_linearity
 from workbench.edge.column_errors import ColumnErrors, Linearity, declared_linearity, notes_of, without_column_errors
+from workbench.edge.drawn_end import burr_note
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.groove_frames import two_plates_share
@@ -76,10 +77,6 @@ FILLETED = (
 LIES_ON = (
     "the plate lies on what joins the root face's lower end: sizes are those to where both cross, and by how much the "
     "root face seems to end above it is in their uncertainty"
-)
-DRAWN_OUT = (
-    "a burr of up to {:.2f} mm rises out of the root face's lower end, {:.0f} to {:.0f} mm along it: sizes are those "
-    "to where it begins, unless it stands on the face itself: what that leaves open is in u"
 )
 LEDGE = "a part of the {} stands aside by {:.2f} mm, a step or second returns: sizes are those of its line without it"
 
@@ -261,10 +258,8 @@ def milled_edge(
         notes = (sentence.format(rounding.size_mm, measured.broken.beyond_mm.max()),)
     if tracked.lies_on.any():
         notes += (LIES_ON,)
-    drawn_out = np.zeros(s_low.size, bool)
-    if rounding.drawn is not None and rounding.drawn.is_proven.any():
-        drawn_out = rounding.drawn.is_proven
-        notes += (DRAWN_OUT.format(rounding.drawn.mm.max(), *np.nanpercentile(s_low[drawn_out], [0.0, 100.0])),)
+    notes += burr_note("the root face's lower end", rounding.drawn, s_low)
+    drawn_out = rounding.drawn is not None and rounding.drawn.is_proven
     faces = ("root face", root_form), ("bevel face", bevel_form)
     notes += tuple(LEDGE.format(name, one.part_offset_mm) for name, one in faces if one.part_offset_mm > OFFSETS_MM[0])
     course = measured.end.course

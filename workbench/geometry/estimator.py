@@ -216,6 +216,11 @@ def standard_u(covariance: Float) -> Float:
     return np.sqrt(np.diagonal(covariance))
 
 
+def times_u(change: Float, covariance: Float) -> float:
+    """Length of a change (k,) over its standard uncertainty along itself, by a covariance (k, k)."""
+    return float(change @ change / np.sqrt(max(float(change @ covariance @ change), 1e-300)))
+
+
 def worst(covariance: Float) -> tuple[float, Float]:
     """Greatest standard uncertainty of a covariance (k, k), and its direction (k,), the largest part positive."""
     values, vectors = np.linalg.eigh(covariance)

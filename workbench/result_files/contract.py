@@ -388,6 +388,7 @@ class HandEyeFile(PartFile):
     frames_rejected: list[dict[str, Any]] = Field(default_factory=list)
     good_enough: bool | None = Field(default=None, description="for the tolerance that was given")
     verdict: str | None = None
+    not_included: list[str] = Field(default_factory=list, description="errors that no posture shows, with their size")
     warnings: list[str] = Field(default_factory=list)
 
     @classmethod

@@ -180,6 +180,7 @@ class Measured(PartFile):
     left_out: list[dict[str, Any]] = Field(default_factory=list)
     good_enough: bool | None = Field(default=None, description="for the tolerance that was given")
     verdict: str | None = None
+    not_included: list[str] = Field(default_factory=list, description="errors that no reading shows, with their size")
     warnings: list[str] = Field(default_factory=list)
 
 
@@ -232,7 +233,6 @@ class RobotFile(Measured):
     parameters: list[ArmErrorRow]
     covariance: list[list[Number]] = Field(description="of the parameters, mm and rad")
     left_as_built: list[str] = Field(description="what the measurements leave open, and why")
-    not_included: list[str] = Field(default_factory=list, description="errors that no reading shows, with their size")
     u_mm: NotNegative = Field(description="of a place, along an axis, by the corrected robot")
     residual_rms_as_built_mm: UnknownU = None
     flange_from_profiler: Matrix | None = Field(default=None, description="for the corrected robot: see handeye.json")

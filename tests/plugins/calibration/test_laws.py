@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tests.plugins.calibration.test_tool import CENTRE, mark_rows, touch_rows
+from tests.plugins.calibration.test_tool import CENTRE, SHANK, TIP, mark_rows, touch_rows
 from workbench.api import Float, quaternion_from_rotation, rotation_from_quaternion
 from workbench.plugins.calibration import tcp, tracker, turntable
 
@@ -192,23 +192,68 @@ def test_the_axis_of_two_markers_at_two_angles_is_the_one_that_fits_best(tmp_pat
     assert np.linalg.norm(np.array(found["axis_point_mm"])[:2] - CENTRE[:2]) < 5.0
 
 
-def test_what_a_tracker_s_scale_would_change_is_what_it_changes(tmp_path: Path) -> None:
-    """Readings longer by 1e-4 move a length by 3.7 u, and no residual shows it: its size stands in the result."""
+def _longer(cells: list[str], first: int) -> list[str]:
+    return [*cells[:first], *(f"{1.0001 * float(v):.9f}" for v in cells[first : first + 3]), *cells[first + 3 :]]
+
+
+def _bent(cells: list[str], share: float) -> list[str]:
+    """The flange of a touch with a tool that hangs by 0.1 mm where it lies level."""
+    axis = rotation_from_quaternion(np.array([float(one) for one in cells[5:9]]))[:, 2]
+    return _shifted(cells, 2, Rotation.identity(), 0.1 * (np.eye(3)[2] - axis[2] * axis))
+
+
+def _drifted(cells: list[str], share: float) -> list[str]:
+    return _shifted(cells, 2, Rotation.identity(), np.array([0.0, 0.0, 0.1 * (share - 0.5)]))
+
+
+def _places(found: dict[str, Any]) -> dict[str, Float]:
+    """What a calibration found, by the names that it has in words."""
+    if "points" in found and isinstance(found["points"], list):
+        return {f"tool point '{one['name']}'": np.array(one["position_mm"]) for one in found["points"]}
+    if "axis_point_mm" in found:
+        point, along = np.array(found["axis_point_mm"]), np.array(found["axis_direction"])
+        return {"axis": np.array([point + reach * along for reach in (-200.0, 200.0)])}
+    return {one["name"]: np.atleast_1d(one["value_mm"]) for one in found["parameters"] if "value_mm" in one}
+
+
+@pytest.mark.parametrize(
+    ("table", "word", "changed"),
+    [
+        ("touches", "weight", _bent),
+        ("touches", "lengths", lambda cells, share: _longer(cells, 2)),
+        ("marks", "drift", _drifted),
+        ("tracker", "scale", lambda cells, share: _longer(cells, 7)),
+    ],
+)
+def test_what_an_error_would_change_is_what_it_changes(
+    table: str, word: str, changed: Callable[[list[str], float], list[str]], tmp_path: Path
+) -> None:
+    """No residual shows it, or it is too small: its size stands in the result."""
     folder = Path(__file__).parents[3] / "data"
-    lines = (folder / "calibration" / "tracker.csv").read_text(encoding="utf-8").splitlines()
-    rows = [line.split(",") for line in lines[2:]]
-    longer = [",".join([*row[:7], *(f"{1.0001 * float(x):.6f}" for x in row[7:])]) for row in rows]
-    (tmp_path / "longer.csv").write_text("\n".join([lines[1], *longer]) + "\n", encoding="utf-8")
-    cell = str(folder / "robot" / "cell.json")
-    before, after = (
-        json.loads(tracker(readings=str(file), cell=cell)[0].content)
-        for file in (folder / "calibration" / "tracker.csv", tmp_path / "longer.csv")
-    )
-    said = next(one for one in before["not_included"] if "scale" in one)
-    name, size = said.split(": the ")[1].split(" by ")
-    moved = [
-        one["value_mm"] - other["value_mm"]
-        for one, other in zip(after["parameters"], before["parameters"], strict=True)
-        if one["name"] == name
-    ]
-    assert moved == [pytest.approx(float(size.split()[0]), abs=0.01)]
+    source = folder / "calibration" / f"{table}.csv"
+    head, *rows = [line for line in source.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
+    errs = [",".join(changed(row.split(","), k / (len(rows) - 1))) for k, row in enumerate(rows)]
+    (tmp_path / "errs.csv").write_text("\n".join([head, *errs]) + "\n", encoding="utf-8")
+    stages: dict[str, Callable[[Path], Any]] = {
+        "touches": lambda path: tcp(touches=str(path)),
+        "marks": lambda path: turntable(marks=str(path)),
+        "tracker": lambda path: tracker(readings=str(path), cell=str(folder / "robot" / "cell.json")),
+    }
+    before, after = (json.loads(stages[table](path)[0].content) for path in (source, tmp_path / "errs.csv"))
+    said = next(one for one in before["not_included"] if word in one)
+    name, size = said.split(": the ")[1].split(" mm")[0].split(" by ")
+    moved = np.atleast_2d(_places(after)[name] - _places(before)[name])
+    assert np.linalg.norm(moved, axis=1).max() == pytest.approx(abs(float(size)), abs=0.01)
+
+
+def test_a_tool_that_hangs_by_its_weight_is_told_and_taken_out(tmp_path: Path) -> None:
+    """By 0.3 mm where it lies level, in 40 touches: 5 u off, where nobody asks for it."""
+    rows = [",".join(_bent(row.split(","), 0.0)) for row in touch_rows(np.random.default_rng(3), 40)]
+    for _ in range(2):
+        rows = [",".join(_bent(row.split(","), 0.0)) for row in rows]
+    found = asked(tmp_path, "tool", rows)
+    assert "gives way to its weight" in found["warnings"][0]
+    assert float(found["warnings"][0].split(" by ")[1].split(" mm")[0]) == pytest.approx(0.3, abs=0.08)
+    for point, truth in zip(found["points"], (TIP, SHANK), strict=True):
+        off = np.array(point["position_mm"]) - truth
+        assert off @ np.linalg.solve(point["covariance_mm2"], off) < 16.0

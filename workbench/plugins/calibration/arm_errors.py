@@ -199,7 +199,6 @@ def robot_results(
     ]
     table = pieces.table_html(("Error of the arm", "found", "u", ""), rows) if rows else ""
     html = table + pieces.paragraph(f"{said} {sentence(more['verdict'])}")
-    html += pieces.list_html([f"Not included: {one}" for one in more.get("not_included", ())])
     return results(RobotFile, "Robot calibration", part, document, html)
 
 

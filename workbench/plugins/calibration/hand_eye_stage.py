@@ -28,6 +28,7 @@ from workbench.plugins.calibration import methods
 from workbench.plugins.calibration.determinacy import Demand, directions
 from workbench.plugins.calibration.model import (
     SIZE,
+    Estimate,
     Noise,
     Sphere,
     View,
@@ -41,6 +42,7 @@ from workbench.plugins.calibration.observations import Timed
 from workbench.plugins.calibration.shared_errors import Settled, correlated, settled
 from workbench.plugins.calibration.solve import Answer, check_determined, solve
 from workbench.plugins.calibration.suspicions import pose_warnings
+from workbench.plugins.calibration.tables import LENGTHS, LONGER, not_included
 from workbench.plugins.calibration.values import Calibration, Method, SphereProfiles
 from workbench.plugins.calibration.verdicts import (
     Sensor,
@@ -145,12 +147,26 @@ def hand_eye(
     )
     calibration = _calibration(method, (answer, view, sensor), profiles, recording, noise, systematic_mm, verdict)
     far = pose_warnings(found.estimate, recording.flange_from_profiler)
-    calibration = replace(calibration, warnings=(*calibration.warnings, *far, *unused))
+    left = _not_included(fitted, answer, view, calibration.volume_u_mm)
+    calibration = replace(calibration, warnings=(*calibration.warnings, *far, *unused), not_included=left)
     names = ("sensor_scale_u", "sphere_center_mm", "time_offset_s", "time_offset_u_s", "residual_rms_mm", "method")
-    more = {name: getattr(calibration, name) for name in (*names, "frames_used", "warnings")}
+    more = {name: getattr(calibration, name) for name in (*names, "frames_used", "warnings", "not_included")}
     more["sphere_diameter_mm"] = 2.0 * calibration.sphere_radius_mm
     file = hand_eye_file(calibration.hand_eye, recording.part, verdict, calibration.frames_rejected, more)
     return calibration.hand_eye, calibration, file
+
+
+def _not_included(found: estimator.Fit[Estimate], answer: Answer, view: View, u_mm: float) -> tuple[str, ...]:
+    """What a robot whose lengths are off changes: no sphere that stands at one place shows it."""
+    seen, at = answer.seen, found.at
+    by_pose = linearise(at, seen, answer.found.noise).by_pose[..., :3]
+    moved = LENGTHS * np.einsum("kij,kj->ki", by_pose, seen.here.base_from_flange[:, :3, 3])
+
+    def sized(change: Float) -> tuple[str, float]:
+        size = volume_u(np.outer(change[:6], change[:6]), at.rotation, view)
+        return f"points of the field by {size:.3f} mm (RMS)", size / u_mm
+
+    return tuple(not_included(found, {LONGER: moved}, sized))
 
 
 def _certified(profiles: SphereProfiles, certificate: Path) -> tuple[SphereProfiles, float, tuple[str, ...]]:

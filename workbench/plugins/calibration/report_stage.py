@@ -9,7 +9,7 @@ from itertools import zip_longest
 import numpy as np
 
 from workbench.api import DEG, Chapter, Recording, pieces, plot, rpy_from_rotation, stage
-from workbench.plugins.calibration.tables import sentence
+from workbench.plugins.calibration.tables import left_out_html, sentence
 from workbench.plugins.calibration.values import Calibration, PosturePlan, SphereProfiles, Validation
 from workbench.plugins.calibration.verdicts import directions_html, pose_facts
 
@@ -90,7 +90,7 @@ def _answer(found: Calibration) -> str:
     ]
     if found.systematic_mm is not None:
         facts.append(("Systematic robot error, each axis", f"{found.systematic_mm:.2f} mm"))
-    return pieces.facts_html(facts) + pieces.paragraph(sentence(found.verdict))
+    return pieces.facts_html(facts) + pieces.paragraph(sentence(found.verdict)) + left_out_html(found.not_included)
 
 
 def _residuals(found: Calibration) -> Iterable[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -23,6 +23,7 @@ from workbench.api import (
     ToolFile,
     TurntableFile,
     estimator,
+    pieces,
     pose_from,
     result_file,
     rotation_from_quaternion,
@@ -36,44 +37,68 @@ NOISY = 2.0  # misfit that is told
 MOST_MISFIT = 100.0  # residuals of ten times the stated noise
 TOO_NEAR = 15.0  # times nearer to each other than the noise says: a length in inches is 25.4 times too small
 CHANCE = 0.01  # that what is at rest counts as moving
+LENGTHS = 1e-4  # of a robot, off by so much, for its size
+LONGER = f"a robot whose lengths are off by {LENGTHS:g}"
+NOTHING = 0.1  # standard uncertainties, that are not worth a word
 MOST_STEPS = 40  # that are tried
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """How what should be at rest moves over n rows."""
+    """How what should be at rest moves over n rows, or another error of a few unknowns that rows may tell."""
 
-    value: Shaped[Float, " n"]  # -0.5 to 0.5, of the whole way
+    change: Shaped[Float, "n 3 q"]  # of the rows' places by each of its unknowns, mm: the whole way along an axis
     words: str  # with the size in mm and its direction left open
-    share: float  # mean square of `value` at a time as likely as any
+    share: float = 0.0  # mean square of the way at a time as likely as any
+    among: int = 1  # how many of its kind are tried
+    ask: str = "did they, the base or the tool move or warm up?"
+
+    @classmethod
+    def of(cls, way: Float, words: str, share: float, among: int = 1) -> Course:
+        """Along any axis; way (n,): -0.5 to 0.5."""
+        return cls(way[:, None, None] * np.eye(3), words, share, among)
 
 
-def even(lines: Iterable[int]) -> Course:
+def even(what: str, lines: Iterable[int]) -> Course:
     """A drift over the rows, from the first to the last."""
     time = np.argsort(np.argsort(np.array(lines)))
-    return Course(time / (len(time) - 1) - 0.5, "drift by {:.2f} mm{} from the first row to the last", 1.0 / 12.0)
+    words = f"{what} drift by {{:.2f}} mm{{}} from the first row to the last"
+    return Course.of(time / (len(time) - 1) - 0.5, words, 1.0 / 12.0)
 
 
-def moving(found: estimator.Fit[Any], along: Float, lines: tuple[int, ...], **by: Float) -> Course | None:
-    """The likeliest way of what should be at rest, along directions (d, q) of a row's values; None: it is at rest.
-
-    An even drift, or a step after a row or beyond a value (n,) of one of `by`.
-    """
-    cuts = {"line": np.array(lines), **by}
-    steps = [
-        Course(np.where(value > cut, 0.5, -0.5), f"shift by {{:.2f}} mm{{}} after {name} {cut:g}", 0.25)
-        for name, value in cuts.items()
+def ways(what: str, lines: tuple[int, ...], **by: Float) -> list[Course]:
+    """An even drift, and steps after a row or beyond a value (n,) of one of `by`."""
+    cuts = [
+        (np.where(value > cut, 0.5, -0.5), f"{what} shift by {{:.2f}} mm{{}} after {name} {cut:g}")
+        for name, value in {"line": np.array(lines), **by}.items()
         for cut in np.unique(value)[1:-2][:: 1 + len(value) // MOST_STEPS]
     ]
+    return [even(what, lines), *(Course.of(way, words, 0.25, len(cuts)) for way, words in cuts)]
+
+
+def told(found: estimator.Fit[Any], courses: Iterable[Course], along: Float | None = None) -> Course | None:
+    """The likeliest of what may move, along directions (3, d) of its unknowns; None: all is at rest."""
 
     def chance(one: Course) -> float:
-        size, covariance = found.tested(one.value[:, None, None] * along)
-        return float(scipy.special.chdtrc(len(size), size @ np.linalg.solve(covariance, size)))
+        size, covariance = found.tested(one.change if along is None else one.change @ along)
+        return one.among * float(scipy.special.chdtrc(len(size), size @ np.linalg.solve(covariance, size)))
 
-    drift = even(lines)
-    tried = [(chance(drift), drift), *((len(steps) * chance(one), one) for one in steps)]
-    least, best = min(tried, key=lambda one: one[0])
+    least, best = min(((chance(one), one) for one in courses), key=lambda pair: pair[0])
     return best if least < CHANCE else None
+
+
+def not_included(
+    found: estimator.Fit[Any], causes: dict[str, Float], sized: Callable[[Float], tuple[str, float]]
+) -> list[str]:
+    """What errors that no unknown holds would change, in words, that which changes most first.
+
+    causes: by their words, with their size, how each changes the rows' values (n, d).
+    sized: of a change (P,) of the unknowns what it is in words, and how many standard uncertainties.
+    """
+    moved = found.carried(np.stack(list(causes.values()), axis=2)).T if causes else ()
+    sizes = [(*sized(one), cause) for cause, one in zip(causes, moved, strict=True)]
+    ordered = sorted(sizes, key=lambda one: -one[1])
+    return [f"{cause}: {words}, {times:.2g} u" for words, times, cause in ordered if times > NOTHING]
 
 
 def poses(table: Table) -> Float:
@@ -154,8 +179,14 @@ def results(
 ) -> tuple[Document, Chapter]:
     """A calibration's file and the report's chapter; `content`: what was found, with what `fit_fields` says."""
     warnings = (*content["warnings"], *content.get("left_as_built", ()))
+    html += left_out_html(content.get("not_included", ()))
     chapter = Chapter(title, html, summary=content["verdict"], part=who, about="instruments", warnings=warnings)
     return result_file(file.NAME, {"part": asdict(who), **content}), chapter
+
+
+def left_out_html(said: Iterable[str]) -> str:
+    """What u does not hold, for the report."""
+    return pieces.list_html([f"Not included: {one}" for one in said])
 
 
 def fit_fields(

@@ -31,6 +31,8 @@ from workbench.api import (
 )
 from workbench.plugins.calibration.scanned import LEAST_POSTURES, UNSAID, UNUSED, Scanner
 from workbench.plugins.calibration.tables import (
+    LENGTHS,
+    LONGER,
     POSE,
     Course,
     by_point,
@@ -39,13 +41,15 @@ from workbench.plugins.calibration.tables import (
     fit_fields,
     fit_words,
     lever_noise,
-    moving,
     noisy,
+    not_included,
     poses,
     refuse_open,
     results,
     rms_mm,
     sentence,
+    told,
+    ways,
 )
 from workbench.plugins.calibration.values import SphereProfiles
 from workbench.plugins.csv_table import Table
@@ -57,6 +61,9 @@ LEAST_TOUCHES = 4
 ALONE_MM = 1e-3  # of a typed reference by itself
 SAME_POSTURE = 1.0 * DEG  # between touches of one tool point and reference, that count as one
 STAND_OFF = "stand_off_mm"
+BENDS = "the tool gives way to its weight by {:.2f} mm{} where it lies level"
+STIFF = "the points are those of the tool upright; is it tight, the base's z upwards?"
+BEND_MM = 0.1  # of a tool, that no touch need show, for its size
 ANYWHERE = 100.0  # radii of a ball: standard deviation of where on it the tool point lies
 FAR_BETTER = 0.25  # a misfit over another's: touches along the tool fit its mirror image, beyond the ball, as well
 
@@ -144,10 +151,12 @@ def tcp(
     noise = math.hypot(robot_noise_mm, touch_noise_mm), robot_noise_deg * DEG
     labels = estimator.Labels(str(touches), every.lines, ask=ASKED)
     begun = _begun(every, noise)
-    course = moving(estimator.sound(_Touching(every, noise), begun), np.eye(3), every.lines)
+    touching, start = _Touching(every, noise), begun
+    bends = Course(touching.bent(begun)[..., None], BENDS, ask=STIFF)
+    course = told(estimator.sound(touching, begun), (*ways("the references", every.lines), bends))
     if course is not None:
-        begun = np.append(begun, np.zeros(3))
-    found, left_out = estimator.without_blunders(_Touching(every, noise, course=course), begun, labels)
+        start = np.append(begun, np.zeros(course.change.shape[2]))
+    found, left_out = estimator.without_blunders(_Touching(every, noise, course=course), start, labels)
     check_misfit(found, labels)
     names, t = every.tool_names, 3 * len(every.tool_names)
     place, spread = found.at[: t + 3 * len(every.reference_names)].reshape(-1, 3), found.covariance[:t, :t]
@@ -155,8 +164,8 @@ def tcp(
     exchanged = _check_places(place, names, least_reach_mm, str(touches))
     apart = noisy(found, "the touches", "is the tool loose, a pose or its unit wrong, the robot less accurate?")
     if course is not None:
-        said = course.words.format(np.linalg.norm(found.at[-3:]), "")
-        apart = (f"the references {said}: that is taken out; did they, the base or the tool move or warm up?", *apart)
+        said = course.words.format(np.linalg.norm(found.at[len(begun) :]), "")
+        apart = (f"{said}: that is taken out; {course.ask}", *apart)
     widest, ask = [estimator.worst(one) for one in of], apart or ("turn the flange about axes across that direction",)
     for name, worst in zip(names, widest, strict=True):
         refuse_open(str(touches), f"the tool point '{name}'", *worst, "flange", max_u_mm, ask)
@@ -170,6 +179,18 @@ def tcp(
         but=[UNSAID] if believed else (),
     )
     warnings = tuple(left_out.values()) + apart + believed + exchanged
+    causes = {
+        f"a tool that gives way to its weight by {BEND_MM:g} mm where it lies level": BEND_MM * touching.bent(begun),
+        LONGER: LENGTHS * touching.position,
+    }
+
+    def sized(change: Float) -> tuple[str, float]:
+        moved = change[:t].reshape(-1, 3)
+        size = np.linalg.norm(moved, axis=1)
+        times = [estimator.times_u(away, one) for one, away in zip(of, moved, strict=True)]
+        k = int(np.argmax(times))
+        return f"the tool point '{names[k]}' by {size[k]:.3f} mm", times[k]
+
     document = {
         "frame": "flange",
         "points": [
@@ -183,6 +204,7 @@ def tcp(
         ],
         "residual_rms_mm": rms_mm(found.rows.residual[found.used]),
         "touches": int(found.used.sum()),
+        "not_included": not_included(found, causes, sized),
         **fit_fields(found, left_out, verdict, warnings),
     }
     head = ("Tool point", "x, mm", "y, mm", "z, mm", "u, least certain direction, mm")
@@ -256,14 +278,15 @@ class _Touching:
         """`noise`: of position (mm) and orientation (rad), each axis.
 
         `offset`: where the tool points lie from their references (n, 3); None: the touches' distance away, anywhere.
-        `course`: by which all references move, by three more unknowns; None: they rest.
+        `course`: which the touches tell, by more unknowns; None: all is as it should be.
         """
         self.rotation, self.position = touches.base_from_flange[:, :, :3], touches.base_from_flange[:, :, 3]
         self.tool_point, self.noise = touches.tool_point, noise
         n, tools, refs = len(self.rotation), len(touches.tool_names), len(touches.reference_names)
+        self.tools = tools
         of_tool = by_point(self.rotation, touches.tool_point, tools)
         of_reference = by_point(np.tile(-np.eye(3), (n, 1, 1)), touches.reference, refs)
-        way = np.zeros((n, 3, 0)) if course is None else -course.value[:, None, None] * np.eye(3)
+        way = np.zeros((n, 3, 0)) if course is None else course.change
         self.slope = np.concatenate([of_tool, of_reference, way], axis=2)
         self.offset = np.zeros((n, 3)) if offset is None else offset
         self.ball_mm = touches.distance_mm if offset is None else np.zeros(n)
@@ -282,7 +305,7 @@ class _Touching:
         """Residuals from where the tool point should be: of a ball, its nearest place, with any other as good."""
         apart = self.slope @ x + self.position - self.offset
         way = apart / np.maximum(np.linalg.norm(apart, axis=1), 1e-12)[:, None]
-        lever = np.einsum("nij,nj->ni", self.rotation, x.reshape(-1, 3)[self.tool_point])
+        lever = np.einsum("nij,nj->ni", self.rotation, self.tool(x))
         round_it = (ANYWHERE * self.ball_mm[:, None, None]) ** 2 * (np.eye(3) - way[:, :, None] * way[:, None, :])
         covariance = (lever_noise(lever, *self.noise) + round_it) * self.alike[:, None, None]
         values = np.where(self.ball_mm > 0.0, 1, 3) / self.alike
@@ -292,6 +315,20 @@ class _Touching:
     def moved(self, x: Float, step: Float) -> Float:
         """All unknowns are lengths."""
         return x + step
+
+    def tool(self, x: Float) -> Float:
+        """The tool points (n, 3) in the flange, mm."""
+        return np.asarray(x[: 3 * self.tools].reshape(-1, 3)[self.tool_point])
+
+    def bent(self, x: Float) -> Float:
+        """Change (n, 3) of the touches by a tool that gives way to its weight by 1 mm where it lies level.
+
+        It gives way across its axis, or where a single point tells none, across the way from the flange.
+        """
+        tip, last = x[:3], x[3 * self.tools - 3 : 3 * self.tools]
+        axis = tip - last if self.tools > 1 else tip
+        along = self.rotation @ (axis / max(float(np.linalg.norm(axis)), 1e-9))
+        return np.asarray(along[:, 2:] * along - np.eye(3)[2])
 
 
 def _begun(touches: Touches, noise: tuple[float, float]) -> Float:
@@ -304,7 +341,7 @@ def _begun(touches: Touches, noise: tuple[float, float]) -> Float:
     plain = estimator.fit(on, np.zeros(on.slope.shape[2])).at
     if not touches.distance_mm.any():
         return plain
-    lever = np.einsum("nij,nj->ni", on.rotation, plain.reshape(-1, 3)[touches.tool_point])
+    lever = np.einsum("nij,nj->ni", on.rotation, on.tool(plain))
     away = -touches.distance_mm[:, None] * lever / np.maximum(np.linalg.norm(lever, axis=1), 1e-12)[:, None]
     pressed, other = (
         estimator.fit(_Touching(touches, noise), start)

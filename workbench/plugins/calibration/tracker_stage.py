@@ -44,6 +44,7 @@ from workbench.plugins.calibration.tables import (
     fit_fields,
     fit_words,
     noisy,
+    not_included,
     poses,
 )
 from workbench.plugins.csv_table import Table
@@ -219,7 +220,7 @@ def tracker(
         "residual_rms_mm": rms,
         "u_mm": u,
         "readings": len(residual),
-        "not_included": not_included(found, every, arm),
+        "not_included": _not_included(found, every, arm),
         **fit_fields(found, left_out, verdict, warnings),
     }
     return robot_results(
@@ -233,7 +234,7 @@ def tracker(
     )
 
 
-def not_included(found: estimator.Fit[Tracked], every: Readings, arm: ArmErrors) -> list[str]:
+def _not_included(found: estimator.Fit[Tracked], every: Readings, arm: ArmErrors) -> list[str]:
     """What the arm's model lacks, with the parameter that it would change most against its uncertainty."""
     if every.joints is None or not len(arm):
         return []
@@ -246,14 +247,15 @@ def not_included(found: estimator.Fit[Tracked], every: Readings, arm: ArmErrors)
             causes[f"a joint {joint} that sags by {SAG / DEG:g} deg and the sine of its angle"] = sags
     if "6" in offset:
         causes[f"a joint 6 that joint 5 turns along by {COUPLING:g}"] = COUPLING * turned[:, 4, None] * offset["6"]
-    moved = found.carried(np.stack(list(causes.values()), axis=2))[first:]
-    times = np.abs(moved) / estimator.standard_u(found.covariance[first:, first:])[:, None]
-    worst = times.argmax(axis=0)
-    said = []
-    for q, (cause, k) in enumerate(zip(causes, worst.tolist(), strict=True)):
-        size = f"{moved[k, q] / DEG:.3f} deg" if arm.twist[k, 3:].any() else f"{moved[k, q]:.2f} mm"
-        said.append(f"{cause}: the {arm.names[k]} by {size}, {times[k, q]:.2g} u")
-    return said
+    u = estimator.standard_u(found.covariance[first:, first:])
+
+    def sized(change: Float) -> tuple[str, float]:
+        times = np.abs(change[first:]) / u
+        k = int(times.argmax())
+        by = f"{change[first + k] / DEG:.3f} deg" if arm.twist[k, 3:].any() else f"{change[first + k]:.2f} mm"
+        return f"the {arm.names[k]} by {by}", float(times[k])
+
+    return not_included(found, causes, sized)
 
 
 def read_readings(path: InputFile, chain: Chain | None) -> Readings:

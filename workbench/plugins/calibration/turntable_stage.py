@@ -42,17 +42,20 @@ from workbench.plugins.calibration.tables import (
     even,
     fit_fields,
     fit_words,
-    moving,
     noisy,
+    not_included,
     refuse_open,
     results,
     rms_mm,
     sentence,
+    told,
+    ways,
 )
 from workbench.plugins.calibration.values import SphereProfiles
 from workbench.plugins.csv_table import Table
 from workbench.plugins.ranges import BevelDeg, NoiseDeg, NoiseMm, ToleranceMm
 
+MARKERS = "the markers"
 POINT = ("x_mm", "y_mm", "z_mm")
 ASKED = "are they in mm, and is each marker the same point at all angles?"
 LEAST_TURN_DEG = 5.0  # between two angles: less shows no axis
@@ -64,6 +67,7 @@ CHECKED = 0.01  # u of the angles' scale, up to which the points check it
 TIMES = np.geomspace(1.0, 100.0, 10)  # the stated noise of angles
 AT_REST = 1e-3  # of the points' noise: as good as no drift, whatever the order of the rows
 FREE = 1e3  # likewise: no prior
+DRIFT_MM = 0.1  # that the points need not show, for its size
 UNLIKELY = 4.0  # gain of log-likelihood, from which angles are noisier than stated
 
 
@@ -102,14 +106,14 @@ class _Turning:
 
     def __init__(self, marks: Marks, angle_noise: float, course: Course | None = None) -> None:
         self.marks, self.angle_noise, self.drift = marks, angle_noise, AT_REST if course is None else FREE
-        self.course = course or even(marks.lines)
+        self.course = course or even(MARKERS, marks.lines)
         self.alike = estimator.alike(marks.marker, np.abs(marks.angle[:, None] - marks.angle), SAME_ANGLE)
         self.middle = marks.point_mm.mean(axis=0)
         self.stop = np.unique(np.round(marks.angle / SAME_ANGLE), return_inverse=True)[1]
 
     def predicted(self, at: Axis) -> Float:
         there = np.einsum("nij,nj->ni", self.rotation(at), at.marker_mm[self.marks.marker])
-        return np.asarray(at.point_mm + there + self.course.value[:, None] * at.drift_mm)
+        return np.asarray(at.point_mm + there + self.course.change @ at.drift_mm)
 
     def rotation(self, at: Axis) -> Float:
         return rotation_from_vector(self.marks.angle[:, None] * at.frame[2])
@@ -125,7 +129,7 @@ class _Turning:
         columns = (
             np.tile(at.frame[:2].T, (n, 1, 1)),
             estimator.jacobian_of(lambda turn: self.predicted(_tilted(at, turn)), np.full(2, STEP)),
-            self.course.value[:, None, None] * np.eye(3),
+            self.course.change,
             by_point(self.rotation(at), self.marks.marker, self.marks.markers),
         )
         slope, prior = np.concatenate(columns, axis=2), np.zeros((size, size))
@@ -262,6 +266,7 @@ def turntable(
         "direction_u_deg": estimator.worst(covariance[2:, 2:])[0] / DEG,
         "residual_rms_mm": rms_mm(found.rows.residual[found.used]),
         "points": int(found.used.sum()),
+        "not_included": _not_included(found, every, covariance, reach_mm),
         **fit_fields(found, left_out, verdict, warnings),
     }
     html = pieces.paragraph(
@@ -276,7 +281,8 @@ def _as_noisy(table: _Turning) -> tuple[_Turning, Axis]:
     """The table with its angles' noise as stated or larger, and a drift, as the points ask; and a first fit."""
     sound = estimator.sound(table, table.begun())
     # asked for where angles err as stated: larger errors of a few would explain a drift as well
-    course = moving(sound, sound.at.frame[:2].T, table.marks.lines, angle_deg=table.marks.angle / DEG)
+    courses = ways(MARKERS, table.marks.lines, angle_deg=table.marks.angle / DEG)
+    course = told(sound, courses, sound.at.frame[:2].T)
     angle = table.marks.angle - table.marks.angle.mean()
     scaled = (table.sway(sound.at) * angle[:, None])[..., None]  # angles of another scale are no noise
 
@@ -300,7 +306,7 @@ def _drift(found: estimator.Fit[Axis], course: Course) -> tuple[Float, tuple[str
     said = course.words.format(np.hypot(*drift), " across the axis")
     why = "the axis is that of halfway, and the uncertainties hold that"
     return course.share * (np.outer(drift, drift) + covariance), (
-        f"the markers {said}: {why}; did base, table or what measures them move or warm up?",
+        f"{said}: {why}; did base, table or what measures them move or warm up?",
     )
 
 
@@ -331,12 +337,33 @@ def read_marks(path: InputFile, noise_mm: float, scanner: Scanner | None) -> Mar
     return Marks(places, angle * DEG, marker, tuple(lines.tolist()), len(names))
 
 
+def ends(axis: Axis, points_mm: Float, reach_mm: float) -> list[Float]:
+    """How the axis' ends, over its reach about points (n, 3), lie across it by what the covariance is of (2, 4)."""
+    middle = ((points_mm - axis.point_mm) @ axis.frame[2]).mean()
+    return [np.concatenate([np.eye(2), along * np.eye(2)], axis=1) for along in (middle - reach_mm, middle + reach_mm)]
+
+
 def worst(axis: Axis, covariance: Float, points_mm: Float, reach_mm: float) -> tuple[float, Float]:
     """Greatest standard uncertainty of the axis' place over its reach about points (n, 3), and its direction (3,)."""
-    middle = ((points_mm - axis.point_mm) @ axis.frame[2]).mean()
-    ends = [np.concatenate([np.eye(2), along * np.eye(2)], axis=1) for along in (middle - reach_mm, middle + reach_mm)]
-    u, way = max((estimator.worst(at @ covariance @ at.T) for at in ends), key=lambda one: one[0])
+    places = (estimator.worst(at @ covariance @ at.T) for at in ends(axis, points_mm, reach_mm))
+    u, way = max(places, key=lambda one: one[0])
     return u, way @ axis.frame[:2]
+
+
+def _not_included(found: estimator.Fit[Axis], marks: Marks, covariance: Float, reach_mm: float) -> list[str]:
+    """What a drift that the points do not tell would change, along that axis of the base where it changes most."""
+    causes = {
+        f"a drift by {DRIFT_MM:g} mm along {name} from the first row to the last": DRIFT_MM * change
+        for name, change in zip("xyz", np.moveaxis(even(MARKERS, marks.lines).change, 2, 0), strict=True)
+    }
+    places = ends(found.at, marks.point_mm[found.used], reach_mm)
+
+    def sized(change: Float) -> tuple[str, float]:
+        moved = [at @ change[:4] for at in places]
+        times = [estimator.times_u(one, at @ covariance @ at.T) for one, at in zip(moved, places, strict=True)]
+        return f"the axis by {np.linalg.norm(moved, axis=1).max():.3f} mm over its reach", max(times)
+
+    return not_included(found, causes, sized)[:1]
 
 
 def _tilted(at: Axis, turn: Float) -> Axis:

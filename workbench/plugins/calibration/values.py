@@ -68,6 +68,7 @@ class Calibration:
     good_enough: bool  # for the tolerances that were given
     verdict: str  # in words
     sensor_scale_u: tuple[float, float] = (0.0, 0.0)  # of hand_eye.sensor_scale
+    not_included: tuple[str, ...] = ()  # errors that no posture shows, with their size
     part: Part = UNKNOWN_PART  # sensor, robot and date of the recording
 
 

@@ -81,6 +81,20 @@ def test_the_page_wants_a_place_and_a_name(command, tmp_path):
     )
 
 
+def test_no_file_of_another_kind_is_replaced(command, tmp_path):
+    other = tmp_path / "report.html"
+    other.write_text("<!doctype html><title>Report</title>\n")
+    found = command("look", SYNTHETIC / "milled_edge.laz", "--out", other)
+    assert found.status == 2
+    assert "would be lost" in found.err
+    assert other.read_text() == "<!doctype html><title>Report</title>\n"
+
+
+def test_a_page_is_written_anew(command, tmp_path):
+    page = tmp_path / "page.html"
+    assert [command("look", SYNTHETIC / "milled_edge.laz", "--out", page).status for _ in range(2)] == [0, 0]
+
+
 def lines_named(got) -> list[str]:
     lines = got.out.splitlines()
     at = lines.index("conventions that would make this consistent:")
@@ -172,6 +186,8 @@ def test_a_groove_in_rows_of_ranges_is_told_in_columns_by_the_engine(blind, comm
     row = np.interp(np.arange(1200), [300, 600, 900], [2500, 1585, 2500])
     row[600 - blind // 2 : 600 + blind // 2] = 4000  # a reflection
     rows_of_ranges(row, tmp_path / "groove.csv")
+    (tmp_path / "parts.csv").write_text("part,gap\n1,2\n")
+    assert "lost" in command("look", tmp_path / "groove.csv", "--corners", tmp_path / "parts.csv").err
     shown = command("look", tmp_path / "groove.csv", "--corners", tmp_path / "corners.csv")
     assert shown.status == 0
     told = re.search(r"gap (-?[\d.]+) ± ([\d.]+)", shown.out)

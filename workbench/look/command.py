@@ -15,7 +15,7 @@ from workbench.artefacts import Recording, Scene, Shading, Strokes
 from workbench.cloud import readers
 from workbench.cloud.read_stage import LEAST_POINTS, check_size, fitting_units, in_process, unit_stated
 from workbench.cloud.units import MM
-from workbench.errors import InputError, one_line
+from workbench.errors import InputError, OutputError, one_line
 from workbench.importing import arrays, tracker
 from workbench.importing.draft import drafted
 from workbench.importing.kinds import check_file, read_source
@@ -58,7 +58,7 @@ def look(
 
     Raises:
         InputError: the file cannot be read.
-        OutputError: the page cannot be written.
+        OutputError: the page cannot be written, or would replace a file that is no such page.
     """
     found = content_of(Path(file), None if mapping is None else Path(mapping))
     if out is not None:
@@ -80,6 +80,7 @@ def write_corners(found: FileContent, target: Path) -> None:
     lines = [",".join(["row", *names])]
     for number, row in enumerate(table):
         lines.append(",".join([str(number), *("" if np.isnan(v) else f"{v:.2f}" for v in row)]))
+    _check_own(target, lines[0].encode())
     write_whole(target, "\r\n".join([*lines, ""]).encode())
 
 
@@ -98,11 +99,19 @@ def write_page(found: FileContent, target: Path) -> None:
     """The page, whole or not at all."""
     if target.suffix.lower() not in (".html", ".htm"):
         raise InputError(str(target), "expected the name of a page to write, ending in .html")
+    _check_own(target, PAGE)
     write_whole(target, page(found).encode())
+
+
+def _check_own(target: Path, begins: bytes) -> None:
+    """Refuse to replace a file that `look` has not written: one without these bytes near its beginning."""
+    if target.is_file() and begins not in first_bytes(target):
+        raise OutputError(str(target), "was not written by `workbench look`, and would be lost; choose another name")
 
 
 # Any file to what is seen in it: recordings, clouds, other people's profiles and poses.
 
+PAGE = b"<title>Look: "  # what tells a page of `look` from others
 RECORDINGS = (".h5", ".hdf5")
 TEXTS = (".csv", ".txt", ".asc")  # may be a cloud, or anything
 

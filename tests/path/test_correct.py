@@ -181,6 +181,14 @@ def test_what_is_not_significant_is_not_corrected(scan: Raw, plan: Toolpath, off
     assert np.array_equal(path.layers[-1].position_mm, plan.finishing.layers[-1].position_mm)
 
 
+def test_a_cut_of_another_part_is_told(scan: Raw, plan: Toolpath) -> None:
+    named, cut = (replace(plan.part, part_id=name) for name in ("plate 7", "plate 8"))
+    path, found = replace(plan, part=named), inspected(scan, FIRST_ROOT + 0.1)
+    other, own = (correct(replace(found, part=part), path, **QUIET)[1] for part in (cut, named))
+    assert any("'plate 7', the cut of 'plate 8'" in said for said in other.warnings)
+    assert not any("plate" in said for said in own.warnings)
+
+
 def test_what_the_robot_repeats_is_corrected_place_by_place_and_what_it_does_not_is_left(scan, plan):
     s = scan.edge.arc_length_mm
     wave = 0.1 * np.sin(2 * np.pi * s / 60.0)

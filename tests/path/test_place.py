@@ -72,6 +72,37 @@ def test_a_sound_scan_is_a_shape_until_something_shows_its_place(sound, touched)
     assert in_the_middle.shape_only
 
 
+def test_points_that_all_lie_to_one_side_of_the_scan_contradict_it(sound, touched) -> None:
+    """Each by less than the surface's own uncertainty, all by the same: the part stands there, not where it was."""
+    _, raw, _ = sound
+    aside = 0.45 * (raw.normal[raw.seen].mean(axis=0) + raw.across[raw.seen].mean(axis=0))
+    together = [tuple((place + aside).tolist()) for place in np.array(touched)]
+    refused = gate_of(sound, touched_mm=together)
+    assert not refused.passed
+    assert "mm beside the scan, together" in refused.reason
+    told = [float(value) for value in refused.reason.split("by (")[1].split(")")[0].split(", ")]
+    assert np.allclose(told, aside, atol=0.15)
+    by_chance = np.random.default_rng(2).normal(0.0, 0.15, (len(touched), 3)).clip(-0.3, 0.3)
+    assert gate_of(sound, touched_mm=[tuple(one) for one in (np.array(touched) + by_chance).tolist()]).clean
+
+
+def test_a_scan_that_stops_on_the_edge_says_what_leads_mill_beyond_it(sound) -> None:
+    toolpath, raw, points = sound
+    said = [one for one in gate_of(sound).unchecked if "part beyond the scan" in one]
+    assert len(said) == 1
+    inner = (raw.frame_arc_length_mm > 5.0) & (raw.frame_arc_length_mm < raw.arc_length_mm[-1] - 5.0)
+    ended = replace(raw, frame_arc_length_mm=np.where(inner, raw.frame_arc_length_mm, np.nan))
+    assert not any("part beyond the scan" in one for one in gate_of((toolpath, ended, points)).unchecked)
+
+
+def test_a_pose_that_the_recording_has_beside_the_calibration_is_told_with_its_size(sound) -> None:
+    toolpath, raw, points = sound
+    other = points.flange_from_profiler @ pose((0, 0, 0), (5.0, 0, 0))
+    told = gate_of((toolpath, raw, replace(points, recorded_flange_from_profiler=other))).unchecked
+    assert any("the path lies 5.0 mm elsewhere" in one for one in told)
+    assert not any("elsewhere" in one for one in gate_of(sound).unchecked)
+
+
 @pytest.mark.parametrize("mm", [0.5, 1.0, 2.0])
 def test_points_touched_beside_the_edge_are_measured_from_the_face_they_lie_on(sound, touched, mm):
     """On end face and upper surface, `mm` from where they meet; half a millimetre and more off either is told."""

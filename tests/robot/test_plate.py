@@ -14,7 +14,7 @@ from workbench.artefacts import ChainU, Cloud, MeasuredAxis, PointSet, Toolpath
 from workbench.errors import InputError
 from workbench.path import read
 from workbench.pipeline import Pipeline
-from workbench.robot import Cell, CollisionScreen, plate, turntable_pose
+from workbench.robot import Cell, CollisionScreen, plate, read_cell, turntable_pose
 
 ROOT = Path(__file__).parents[2]
 Vector = tuple[float, float, float]
@@ -80,6 +80,26 @@ def test_a_hand_eye_without_covariance_is_told(cell: Cell) -> None:
     assert any("the calibration states no covariance" in text for text in told.unseen)
     sure = plate(stated, cloud_of(np.eye(6) * 1e-6))
     assert not any("hand-eye" in text for text in (*sure.unchecked, *sure.unseen))
+
+
+def test_the_mesh_of_the_cell_file_stays_beside_the_scan(cell: Cell) -> None:
+    """What was not scanned can be run into all the same; without a mesh the program says so."""
+    base = next(shape for shape in cell.shapes if shape.body == "workpiece" or shape.link < 0)
+    rib = dataclasses.replace(base, body="workpiece", kind="box", size_mm=(20.0, 40.0, 300.0))
+    meshed = plate(dataclasses.replace(cell, shapes=(*cell.shapes, rib)), cloud_of(None))
+    assert any(one is rib for one in meshed.shapes)
+    assert sum(one.body == "workpiece" for one in meshed.shapes) > 1
+    assert not any("beyond its scan" in text for text in meshed.unseen)
+    assert any("beyond its scan, which is 80 by 200 by 0 mm" in text for text in plate(cell, cloud_of(None)).unseen)
+
+
+def test_another_cutter_than_the_paths_is_refused() -> None:
+    cell = read_cell(ROOT / "data" / "robot" / "cell.json")
+    path = read(toolpath=ROOT / "data/synthetic/paths/raw_arc.json")
+    assert plate(cell, cloud_of(None), toolpath=path)
+    thick = dataclasses.replace(path, cutter=dataclasses.replace(path.cutter, diameter_mm=16.0))
+    with pytest.raises(InputError, match="expected a cutter of 16 mm diameter, as the path has, found 10 mm"):
+        plate(cell, cloud_of(None), toolpath=thick)
 
 
 def test_a_scan_as_a_file_is_the_same_body(cell: Cell, tmp_path: Path) -> None:

@@ -91,6 +91,19 @@ def test_another_calibration_takes_the_place_of_the_recorded_one(recording: Reco
     np.testing.assert_array_equal(fuse(bare, hand_eye=path).base_from_profiler, cloud.base_from_profiler)
 
 
+@pytest.mark.parametrize("what", ["sensor", "robot"])
+def test_the_calibration_of_another_instrument_is_refused(recording: Recording, tmp_path: Path, what: str) -> None:
+    path = tmp_path / "handeye.json"
+    path.write_text(json.dumps({"flange_from_profiler": np.eye(4).tolist(), "part": {f"{what}_serial": "AAA"}}))
+    own, other, unknown = (
+        dataclasses.replace(recording, part=dataclasses.replace(recording.part, **{f"{what}_serial": serial}))
+        for serial in ("AAA", "BBB", None)
+    )
+    with pytest.raises(InputError, match=f"calibrates the {what} of serial number 'AAA', the recording is of 'BBB'"):
+        fuse(other, hand_eye=path)
+    assert fuse(own, hand_eye=path).part.hand_eye == fuse(unknown, hand_eye=path).part.hand_eye == "handeye.json"
+
+
 def test_without_any_calibration_nothing_is_fused(recording: Recording) -> None:
     with pytest.raises(InputError, match="hand_eye/flange_from_profiler: missing"):
         fuse(dataclasses.replace(recording, flange_from_profiler=None))

@@ -71,7 +71,7 @@ class HandEye:
         None  # tx ty tz mm, rotation vector rad in the flange frame; R_true = exp(w) R
     )
     source: str = ""
-    calibrated_at: str | None = None  # ISO 8601
+    part: Part = UNKNOWN_PART  # sensor, robot and date of its calibration
     volume_u_mm: float | None = None  # predicted RMS error of a point over the field of view
     sensor_scale: tuple[float, float] = (1.0, 1.0)  # of the profiler's x and z: measured over true, ...
     sensor_middle_mm: tuple[float, float] = (0.0, 0.0)  # ... about this place, which stays
@@ -125,6 +125,7 @@ class Cloud:
     pass_index: Shaped[Int, " N"]
     hand_eye_covariance: Shaped[Float, "6 6"] | None = None  # as in HandEye
     flange_from_profiler: Shaped[Float, "4 4"] | None = None
+    recorded_flange_from_profiler: Shaped[Float, "4 4"] | None = None  # which the recording itself carries
     source: str = ""
     part: Part = UNKNOWN_PART
     rejected: Mapping[str, int] = field(default_factory=dict)  # cause -> number of points

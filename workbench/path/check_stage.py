@@ -130,7 +130,9 @@ def check(
     rests = (f"NOT CHECKED: {toolpath.rests_on}",) if toolpath.rests_on and not rests_milled else ()
     shape = (place.shape_only,) if place.shape_only else ()
     loosened = (*shape, *weakened(penetration_mm), *loosened_checks(toolpath), *rests)
-    unseen = () if workpiece is not None else (*unseen_checks(toolpath), *place.unseen)
+    unseen = (
+        () if workpiece is not None else (*unseen_checks(toolpath), *beyond_scan(toolpath, edge, cloud), *place.unseen)
+    )
     gate = decision(toolpath, faults, penetration_mm, loosened, unseen)
     return dataclasses.replace(gate, loaded=predicted is not None)
 
@@ -164,6 +166,7 @@ def loosened_checks(toolpath: Toolpath) -> tuple[str, ...]:
     return tuple(f"check {check.name}: {check.finding}" for check in toolpath.evidence if check.loosened)
 
 
+ENDED = 3  # frames beyond an edge that do not see it, that show that it has ended
 SHOWING = (
     "flange_turn_deg",
     "fixed_end_share",
@@ -181,6 +184,31 @@ def unseen_checks(toolpath: Toolpath) -> tuple[str, ...]:
     """What the recording behind the path could not show: it may move the whole path."""
     findings = [check.finding for check in toolpath.evidence if check.name in SHOWING]
     return tuple(finding for finding in findings if any(words in finding for words in UNSHOWN))
+
+
+def beyond_scan(toolpath: Toolpath, edge: Edge, cloud: Cloud) -> Iterator[str]:
+    """What leads mill where the scan stops and the edge does not: nothing was measured there."""
+    s, within = edge.frame_arc_length_mm, float(edge.arc_length_mm[-1])
+    shown = {"start": False, "end": False}
+    for number in np.unique(cloud.pass_index):
+        mine = s[cloud.pass_index == number]
+        on = np.flatnonzero(np.isfinite(mine))
+        if not on.size:
+            continue
+        outer = {mine[on[0]]: on[0], mine[on[-1]]: mine.size - 1 - on[-1]}  # frames beyond, at either end
+        for place, frames in outer.items():
+            near = "start" if place < within / 2.0 else "end"
+            shown[near] |= bool(frames >= ENDED)
+    open_ = [end for end, is_shown in shown.items() if not is_shown]
+    if not open_ or not toolpath.mills:
+        return
+    first, cutter = toolpath.layers[0], toolpath.cutter
+    lead = float(max(-first.arc_length_mm[0], first.arc_length_mm[-1] - within))
+    yield (
+        f"the part beyond the scan, which stops on the edge at its {' and '.join(open_)}: if the edge goes on there, "
+        f"lead-in and lead-out mill up to {first.height_mm + toolpath.depth_of_cut_mm:.1f} mm deep over some "
+        f"{lead + cutter.radius_mm:.0f} mm that nobody measured, and meet what stands there"
+    )
 
 
 def _first(faults: Iterator[str]) -> Iterator[str]:

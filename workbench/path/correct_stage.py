@@ -19,6 +19,7 @@ from workbench.artefacts import (
     Check,
     Inspection,
     Layer,
+    Part,
     PathCorrection,
     PathDeflection,
     Toolpath,
@@ -196,6 +197,7 @@ def correct(
         batch=with_part(before, finish.arc_length_mm, s, [(lies, both[0]), (angle_off, both[1])]),
         warnings=finishing.warnings
         + ((others,) if others else ())
+        + _another_part(toolpath.part, inspection.part)
         + _beyond_chain(toolpath, shift, finish.cutting, repeatability_mm)
         + _as_if_finished(toolpath.finish_allowance_mm, shift, finish.cutting),
     )
@@ -394,6 +396,13 @@ def _stock(allowance_mm: float, shift_mm: Float | float, turn: Estimate, tilt: F
     low = allowance_mm + shift_mm
     high = low - (turn.value if tilt.any() else 0.0) * finish.width_mm
     return np.asarray(np.minimum(low, high) + np.zeros(len(finish.arc_length_mm)))
+
+
+def _another_part(planned: Part, cut: Part) -> tuple[str, ...]:
+    """A cut that says that it is of another part than the path: it has errors of its own."""
+    if not planned.part_id or not cut.part_id or planned.part_id == cut.part_id:
+        return ()
+    return (f"the path is of part '{planned.part_id}', the cut of '{cut.part_id}': is this cut the path's own?",)
 
 
 def _beyond_chain(toolpath: Toolpath, shift: Estimate, cut: Bool, repeatability_mm: float) -> tuple[str, ...]:

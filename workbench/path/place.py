@@ -15,6 +15,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
+from scipy.special import chdtrc
 
 from workbench.artefacts import Check, Cloud, Edge, Toolpath
 from workbench.artefacts.decisions import SHAPE_ONLY
@@ -28,6 +29,7 @@ AROUND_MM = 4.0  # of a touched point, in which the scan tells the surface
 LEAST_RETURNS, LEAST_OF_FACE = 12, 0.2  # and share of the returns there: scattered ones lie near any plane
 FITS = 10  # of a face to the returns that lie in it
 GROSS_MM, GROSS = 50.0, 10.0 * DEG  # by which a scan may stand elsewhere, where nothing says where
+CHANCE = 1e-3  # that points touched as well as that lie as far to one side
 KNOWN_MM = 1.0  # how well points that were touched must tell the edge's place beside it, coverage 2
 ANOTHER_DEG, ABOUT_EDGE = 10.0, 0.9  # of the scanner in a second orientation; cosine of its axis with the edge
 CALIBRATED_DAYS = 90  # before the recording
@@ -68,11 +70,12 @@ def _touched(edge: Edge, cloud: Cloud, touched: Points) -> tuple[list[str], floa
     """Points off the scanned surface, in words, and how far the edge may still lie elsewhere beside itself, mm.
 
     The scan as a rigid body that stands elsewhere by GROSS_MM and GROSS; each point tells its distance along the
-    surface's normal. What is left is the part of it that moves the edge across.
+    surface's normal. What is left is the part of it that moves the edge across. Points that agree with each other on
+    another place, beyond chance, are a fault as well.
     """
     seen, along = edge.position_mm[edge.seen], edge.tangent[edge.seen]
     middle = seen.mean(axis=0)
-    points, rows, faults = cloud.points_mm if touched else np.empty((0, 3)), [], []
+    points, rows, away, faults = cloud.points_mm if touched else np.empty((0, 3)), [], [], []
     for i, place in enumerate(np.array(touched, float).reshape(-1, 3)):
         near = points[(np.abs(points - place) < AROUND_MM).all(axis=1)]
         face = _face(near, place)
@@ -80,14 +83,26 @@ def _touched(edge: Edge, cloud: Cloud, touched: Points) -> tuple[list[str], floa
             faults.append(f"touched point {i + 1} lies nowhere on the scanned surface: another part, or another place")
             continue
         centre, normal = face
-        off = float(abs(normal @ (place - centre)))
-        if off > TOUCHED_MM:
-            faults.append(f"touched point {i + 1} lies {off:.2f} mm off the scanned surface, at most {TOUCHED_MM:g}")
+        off = float(normal @ (place - centre))
+        if abs(off) > TOUCHED_MM:
+            faults.append(
+                f"touched point {i + 1} lies {abs(off):.2f} mm off the scanned surface, at most {TOUCHED_MM:g}"
+            )
         rows.append(np.append(normal, np.cross(place - middle, normal)))
-    information = np.diag([GROSS_MM**-2.0] * 3 + [GROSS**-2.0] * 3)
-    if rows:
-        information = information + np.array(rows).T @ np.array(rows) / (TOUCHED_MM / 2) ** 2
+        away.append(off)
+    prior = np.diag([GROSS_MM**-2.0] * 3 + [GROSS**-2.0] * 3)
+    slope, told = np.array(rows).reshape(-1, 6), np.array(away)
+    information = prior + slope.T @ slope / (TOUCHED_MM / 2) ** 2
     left = np.linalg.inv(information)
+    moved = left @ slope.T @ told / (TOUCHED_MM / 2) ** 2
+    freedom = 6.0 - float(np.trace(left @ prior))  # directions that the points tell
+    if not faults and rows and chdtrc(freedom, moved @ information @ moved) < CHANCE:
+        far = np.linalg.norm(moved[:3])
+        where = ", ".join(f"{value:+.2f}" for value in moved[:3])
+        faults.append(
+            f"the touched points lie {far:.2f} mm beside the scan, together, by ({where}) mm in the base: has the part "
+            "moved since, are hand-eye and tool tip right?"
+        )
     worst = 0.0
     for place, tangent in zip(seen[:: max(len(seen) // 20, 1)], along[:: max(len(along) // 20, 1)], strict=True):
         moves = np.hstack([np.eye(3), np.cross(place - middle, np.eye(3))])
@@ -162,6 +177,15 @@ def _costs(toolpath: Toolpath, cloud: Cloud) -> Iterator[str]:
     arms = np.einsum("nji,nj->ni", flange[:, :3, :3], points[nearest] - flange[:, :3, 3])
     yield f"the hand-eye pose: turned by 1 deg about the flange's x, y, z it moves the path by {_mm_a_degree(arms)} mm"
     yield "the hand-eye pose and the robot's positions: 1 mm beside is 1 mm of the path"
+    if cloud.recorded_flange_from_profiler is None:
+        return
+    other = cloud.recorded_flange_from_profiler @ inverse(cloud.flange_from_profiler)
+    away = np.linalg.norm(arms @ other[:3, :3].T + other[:3, 3] - arms, axis=1)
+    if away.max() > TOUCHED_MM:
+        yield (
+            f"which hand-eye pose is right: by the recording's own the path lies {away.max():.1f} mm elsewhere than by "
+            f"{cloud.part.hand_eye}"
+        )
 
 
 def _mm_a_degree(arms: Float) -> str:

@@ -409,7 +409,7 @@ class HandEyeFile(PartFile):
         found._check_same_pose(path, pose)
         for said in found.warnings:
             warnings.warn(f"{path}: {said}", stacklevel=1)
-        return HandEye(pose, covariance, str(path), found.part.recorded_at, found.volume_u_mm, scale, middle)
+        return HandEye(pose, covariance, str(path), found.part, found.volume_u_mm, scale, middle)
 
     def _check_same_pose(self, path: Path, pose: Float) -> None:
         """A file that was edited in one place only says two poses."""

@@ -235,6 +235,7 @@ class Cell(RobotCell):
     process: ProcessPart | None = None  # what a program does around the milling; None: not stated
     configuration: tuple[Side, ...] = ()  # in which the arm is to mill; of a pair neither word: either
     unseen: tuple[str, ...] = ()  # what stands in the cell and no body was given for
+    scanned_at: Float | None = None  # where the external axes stood when the part was scanned, rad; None: not said
 
     @property
     def without_contact(self) -> Cell:

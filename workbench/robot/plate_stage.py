@@ -28,6 +28,9 @@ NO_HAND_EYE_U = (
     "robustness against the hand-eye's uncertainty: neither the calibration states it (covariance) nor the cell file "
     "($.uncertainty.base_u_mm)"
 )
+BEYOND_SCAN = (
+    "collision with the part beyond its scan, which is {} mm large: the cell file has no mesh of it ($.workpiece)"
+)
 BASE_U_ALONE = (
     "what the hand-eye leaves open of the scan: the calibration states no covariance, the cell file's "
     "$.uncertainty.base_u_mm and turntable_u_mm count alone"
@@ -36,6 +39,7 @@ BASE_U_ALONE = (
 TOOL_BESIDE, TABLE_BESIDE = (0.5, 1.0), (0.5, 0.15)
 ANOTHER_TOOL, ENTERED = (20.0, 10.0), (0.05, 0.05)  # likewise: of one on the controller; by rounding
 SURE = 3.0  # standard uncertainties
+ROUND, CUTTER_MM = ("cylinder", "capsule", "sphere"), 0.25  # kinds of shapes; of radii: half of a root's tolerance
 CONTACT = ("cutter", "workpiece")  # what mills may touch what is milled
 
 
@@ -130,9 +134,9 @@ def plate(
 ) -> Cell | None:
     """Make the scan (plate, clamps, fixtures) a collision body of the cell, as boxes of a grid.
 
-    The body `workpiece` replaces the cell file's; it stands on the turntable, else on the base. It is larger than the
-    scanned surface by up to a cube; what was not scanned is missing. The cutter (shapes with `"body": "cutter"`) may
-    touch it. The hand-eye covariance adds to the part's uncertainty.
+    It adds to the body `workpiece`, which stands on the turntable, else on the base. It is larger than the scanned
+    surface by up to a cube; what was not scanned is there only if the cell file has its mesh ($.workpiece). The cutter
+    (shapes with `"body": "cutter"`) may touch it. The hand-eye covariance adds to the part's uncertainty.
 
     Args:
         cell: the robot cell; without one there is nothing to do, nor without a scan.
@@ -147,7 +151,7 @@ def plate(
 
     Raises:
         InputError: points too far from the origin for the grid; a file that is no cloud, or in metres; a path whose
-            tool or turntable was measured elsewhere than the cell has it.
+            tool or turntable was measured elsewhere than the cell has it, or whose cutter is another.
 
     Example:
         >>> from workbench import edge, path, robot, scan
@@ -160,6 +164,7 @@ def plate(
     """
     if cell is None:
         return None
+    check_cutter(cell, toolpath)
     cell = _as_measured(_as_known(cell, cloud, toolpath), toolpath)
     if points is not None:
         seen, source = points.points_mm, points.source
@@ -179,8 +184,28 @@ def plate(
     body = scanned(seen, voxel_mm, ON_TURNTABLE if on_table else ON_BASE, pose, source or "cloud")
     touch = cell.may_touch if CONTACT in cell.may_touch else (*cell.may_touch, CONTACT)
     unchecked = tuple(text for text in cell.unchecked if not text.startswith("collision with the workpiece"))
-    others = (shape for shape in cell.shapes if shape.body != "workpiece")
-    return dataclasses.replace(cell, shapes=(*others, *body), may_touch=touch, unchecked=unchecked)
+    unseen = cell.unseen
+    if all(shape.body != "workpiece" for shape in cell.shapes):
+        size = " by ".join(f"{side:.0f}" for side in np.ptp(seen, axis=0))
+        unseen += (BEYOND_SCAN.format(size),)
+    shapes = (*cell.shapes, *body)
+    return dataclasses.replace(
+        cell, shapes=shapes, may_touch=touch, unchecked=unchecked, unseen=unseen, scanned_at=planned
+    )
+
+
+def check_cutter(cell: Cell, toolpath: Toolpath | None) -> None:
+    """Refuse a path whose cutter is none of the cell's: the one that is in the spindle cuts deeper, or less."""
+    round_ = [shape.size_mm[0] for shape in cell.shapes if shape.body == CONTACT[0] and shape.kind in ROUND]
+    if toolpath is None or not round_:
+        return
+    nearest = min(round_, key=lambda radius: abs(radius - toolpath.cutter.radius_mm))
+    if abs(nearest - toolpath.cutter.radius_mm) > CUTTER_MM:
+        raise InputError(
+            f"{cell.source}: $.tool.shapes",
+            f"expected a cutter of {toolpath.cutter.diameter_mm:g} mm diameter, as the path has, found "
+            f"{2.0 * nearest:g} mm: is another one in the spindle (cutter_diameter_mm of the path)?",
+        )
 
 
 def _as_known(cell: Cell, cloud: Cloud | None, toolpath: Toolpath | None) -> Cell:

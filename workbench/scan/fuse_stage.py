@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from workbench.artefacts import Cloud, HandEye, Recording
+from workbench.artefacts import Cloud, HandEye, Part, Recording
 from workbench.checks import Limits, judged, refuse_failed
 from workbench.errors import InputError
 from workbench.geometry.poses import interpolate_poses, rotation_from_quaternion, vector_from_rotation
@@ -39,8 +39,8 @@ def fuse(
         limits: limits of checks by name (docs/checks.md).
 
     Raises:
-        InputError: no calibration, or an improper one; a recording on the profiler's own clock, or one that fails a
-            check. PipelineError: `limits` names no check.
+        InputError: no calibration, an improper one, or one of another sensor or robot; a recording on the profiler's
+            own clock, or one that fails a check. PipelineError: `limits` names no check.
 
     Example:
         >>> from workbench.scan import fuse, read
@@ -51,10 +51,11 @@ def fuse(
     if recording.clock == "own":
         raise InputError(f"{recording.source}: /profiles", "expected times on the robot's clock, found clock 'own'")
     calibration = read_hand_eye(hand_eye) if hand_eye is not None else recorded_hand_eye(recording)
+    _check_same_instruments(recording.part, calibration)
     part = dataclasses.replace(
         recording.part,
         hand_eye=hand_eye.name if hand_eye else "the recording's own",
-        hand_eye_calibrated_at=calibration.calibrated_at,
+        hand_eye_calibrated_at=calibration.part.recorded_at,
         hand_eye_u_mm=calibration.volume_u_mm,
     )
     checks, once = judged(recording, calibration.flange_from_profiler, limits)
@@ -69,6 +70,7 @@ def fuse(
         pass_index=recording.pass_index,
         hand_eye_covariance=calibration.covariance,
         flange_from_profiler=calibration.flange_from_profiler,
+        recorded_flange_from_profiler=recording.flange_from_profiler,
         source=recording.source,
         part=part,
         checks=checks,
@@ -85,6 +87,20 @@ def fuse(
     if some:
         part = dataclasses.replace(part, scan_plan=part.scan_plan or plan_id(scan_plan.read_bytes()))
     return dataclasses.replace(cloud, part=part, checks=(*checks, departures))
+
+
+def _check_same_instruments(part: Part, calibration: HandEye) -> None:
+    """Refuse the calibration of another sensor or robot, where both say which theirs is."""
+    for what, own, other in (
+        ("sensor", part.sensor_serial, calibration.part.sensor_serial),
+        ("robot", part.robot_serial, calibration.part.robot_serial),
+    ):
+        if own and other and own != other:
+            raise InputError(
+                calibration.source,
+                f"it calibrates the {what} of serial number '{other}', the recording is of '{own}': the handeye.json "
+                "of another cell, from before an exchange, or a serial number mistyped?",
+            )
 
 
 def sparse_poses_u(recording: Recording) -> tuple[float, float]:

@@ -150,6 +150,14 @@ def test_choice_and_map_are_those_of_plain_loops(where, path, acts, stiffness, b
     assert 0 < feasible.sum() < feasible.size
 
 
+def test_a_part_is_scanned_at_one_angle(
+    cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness
+) -> None:
+    turned = dataclasses.replace(cell, scanned_at=np.radians(40.0))
+    with pytest.raises(InputError, match=r"as robot\.plate has it"):
+        posture(turned, stiffness, path, acts, planned_at_deg=0.0, **FEW)
+
+
 @pytest.fixture(scope="module")
 def free(cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness) -> Postures:
     return posture(cell, stiffness, path, acts, **FEW)[0]

@@ -97,8 +97,8 @@ def posture(
         float | None,
         Field(ge=-200, le=500),
     ] = None,
-    planned_at_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0,
-    planned_tilt_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0,
+    planned_at_deg: Annotated[float, Field(ge=-360, le=360)] | None = None,
+    planned_tilt_deg: Annotated[float, Field(ge=-360, le=360)] | None = None,
     whole_map: bool = True,
     map_step_deg: Annotated[float, Field(ge=0.25, le=30)] = 5.0,
     least_margin: LeastMargin = 1.5,
@@ -125,7 +125,7 @@ def posture(
         sampled_points: number of loaded points that the traversal averages; the result holds for all.
         load: force of a revolution: its mean or its peak.
         reach_mm: of the cutter beyond a point's frame, along its axis; null: half its flutes.
-        planned_at_deg: turntable angle at which the part was scanned.
+        planned_at_deg: turntable angle at which the part was scanned; null: as `robot.plate` has it, else 0.
         planned_tilt_deg: likewise of its tilt.
         whole_map: false: cells worse than the optimum are not examined for collision.
         map_step_deg: of the map's grid, if larger; each free cell takes about 2 ms.
@@ -160,7 +160,7 @@ def posture(
     allowed = _allowed(words, cell.configuration if configuration is None else configuration)
     step_deg = step_deg or (STEP_DEG if stiffness and modes is None else COARSE_DEG)
     reach = toolpath.cutter.flute_length_mm / 2 if reach_mm is None else reach_mm
-    planned = external_at(cell, planned_at_deg, planned_tilt_deg, "stiffness.posture.planned_tilt_deg")
+    planned = _planned(cell, planned_at_deg, planned_tilt_deg)
     points = path_points(toolpath, force, load=load, reach_mm=reach, planned=planned)
     rotations = grid(cutter_rotation_deg, step_deg)
     at = sample(points, sampled_points)
@@ -304,6 +304,19 @@ def _best(
     if best is None:
         raise refused[0]
     return *best[:2], replace(best[2], examined=examined, of=of), best[3]
+
+
+def _planned(cell: Cell, turntable_deg: float | None, tilt_deg: float | None) -> Float:
+    """Where the external axes stood when the part was scanned, rad: as asked for, and as its scan was placed."""
+    placed = cell.scanned_at
+    if placed is not None and turntable_deg is None and tilt_deg is None:
+        return placed
+    planned = external_at(cell, turntable_deg or 0.0, tilt_deg or 0.0, "stiffness.posture.planned_tilt_deg")
+    if placed is None or np.allclose(planned, placed):
+        return planned
+    both = [", ".join(f"{angle:g}" for angle in np.atleast_1d(one) / DEG) for one in (placed, planned)]
+    words = "expected {} deg, as robot.plate has it, found {}: the part was scanned at one angle"
+    raise InputError("stiffness.posture.planned_at_deg", words.format(*both))
 
 
 def _tables(cell: Cell, limits_deg: Range | None, step_deg: float, points: PathPoints) -> Float:

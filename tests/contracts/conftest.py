@@ -24,10 +24,10 @@ from workbench.synthetic import parse_recipe, simulate_recording
 
 PIPELINES = Path(__file__).parents[2] / "pipelines"
 DATA = PIPELINES.parent / "data" / "synthetic"
-SCANNED = {"format": "bevel-recipe", "version": 1, "seed": 11, "passes": [{"from_mm": 5.0, "to_mm": 45.0}]}
+SCANNED = {"format": "bevel-recipe", "version": 1, "seed": 11, "passes": [{"from_mm": 5.0, "to_mm": 29.0}]}
 SCANNED["robot"] = {"frame_pitch_mm": 0.8}
 MILLED = SCANNED | {"scanner": {"columns": 400}}
-RAW = SCANNED | {"scanner": {"columns": 400}, "part": {"kind": "raw", "length_mm": 50.0, "thickness_mm": 5.0}}
+RAW = SCANNED | {"scanner": {"columns": 400}, "part": {"kind": "raw", "length_mm": 34.0, "thickness_mm": 5.0}}
 MOTION = np.eye(4)  # moved from base, in mm
 MOTION[:3, :3] = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
 MOTION[:3, 3] = [310.0, -220.0, 95.0]
@@ -38,8 +38,8 @@ SMALL: dict[str, dict[str, Any]] = {  # what a law asks for shows over few postu
     "stiffness.posture": {"cutter_rotation_deg": [-10, 10], "turntable_deg": [0, 0], "sampled_points": 10},
     "stiffness.chatter": {"stations": 3, "speed_change": 0.05},
     "stiffness.maps": {"steps": 9},
-    "compare.deviation": {"spacing_mm": 6.0},
-    "scan.plan": {"frame_rate_hz": 80.0},
+    "compare.deviation": {"spacing_mm": 10.0},
+    "scan.plan": {"frame_rate_hz": 50.0},
 }
 
 

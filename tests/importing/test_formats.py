@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from tests.importing.conftest import MAPPING
+from tests.seldom import seldom
 from workbench.artefacts import Recording
 from workbench.cli import main
 from workbench.errors import InputError
@@ -155,9 +156,10 @@ REAL = {  # of the foreign sets; cam.txt is a table of numbers
     "real/weld_line/data_line.txt": "points: 53",
     "sphere_r12.7.h5": "calibration recording",
 }
+LONG = ("real/vgroove_lds_scan1.csv", "real/weld_line/egm.txt")  # two seconds each
 
 
-@pytest.mark.parametrize("name", REAL)
+@pytest.mark.parametrize("name", [*(one for one in REAL if one not in LONG), *seldom(*LONG)])
 def test_real_files_can_be_looked_at(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     if not (SHARED / name).is_file():
         pytest.skip(f"no {name}: data of others, for local tests only")

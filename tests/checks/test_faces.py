@@ -30,6 +30,7 @@ from bench.score.measure import alone
 from bench.score.outsider import plain
 from bench.simulators.swept import simulate_groove, simulate_swept
 from bench.simulators.swept.sweep import GROOVES
+from tests.laws.dozen import Small
 from tests.seldom import seldom
 from workbench.cloud import denoise
 from workbench.cloud import read as read_cloud
@@ -209,7 +210,7 @@ def test_a_face_that_rises_behind_is_another_plate_s_end_if_it_is_parallel(lean_
     strip = ((7.0, -6.0), (7.0, 0.0), (-60.0, 0.0))
     above = ((0.0, 0.0), (-5.9 * math.tan(lean_deg * DEG), 5.9), (-60.0, 5.9))
     section = Sizes(5.9 - 1e-3, np.pi / 4.0, 5.9, 6.0).drawn((above, strip))
-    told = alone(plain(simulate(3, True, section), is_raw=True)).refused
+    told = alone(plain(simulate(3, True, section, cell=Small()), is_raw=True)).refused
     assert ("face_behind_share" in told) == bool(told) == refused
 
 
@@ -221,7 +222,6 @@ MEASURED = {"lower edge rounded by 0.15 to 1.2 mm", "a rail in front", DEBURRED}
     [
         ("a bevel below as well", 3304, False),  # upper bevel, root face and lower bevel taken for an edge: 27 u
         ("a bevel below as well", 13, True),  # lost returns hid the corner: 10 u
-        ("lower edge rounded by 0.15 to 1.2 mm", 26, True),  # 0.8 mm off at 10 u
         ("step of 0.15 to 0.9 mm", 2813, True),  # an undercut in shadow: 1 mm off
         ("step of 0.15 to 0.9 mm", 3216, True),  # two returns a frame show it: 1.3 mm off
         ("compound bevel", 17, True),
@@ -230,7 +230,7 @@ MEASURED = {"lower edge rounded by 0.15 to 1.2 mm", "a rail in front", DEBURRED}
         (DEBURRED, 3, False),
         (DEBURRED, 22, True),  # a chamfer taken for a rounding: 70 u off
         *seldom(*(("a bevel below as well", seed, False) for seed in (3307, 3337))),
-        *seldom(*(("lower edge rounded by 0.15 to 1.2 mm", seed, True) for seed in (3301, 3307, 3322))),
+        *seldom(*(("lower edge rounded by 0.15 to 1.2 mm", seed, True) for seed in (26, 3301, 3307, 3322))),
         *seldom(*(("step of 0.15 to 0.9 mm", seed, True) for seed in (2858, 3016, 3021))),
         *seldom(*((DEBURRED, seed, is_raw) for seed, is_raw in ((12, False), (5, True), (9, False), (14, True)))),
     ],

@@ -8,9 +8,10 @@ import pytest
 from bench.recordings import stamped
 from bench.score.analytic import sharp as analytic
 from bench.score.measure import alone
+from tests.seldom import seldom
 
 
-@pytest.mark.parametrize("burst_s", [0.1, 0.5])
+@pytest.mark.parametrize("burst_s", [0.1, *seldom(0.5)])
 def test_frames_that_are_stamped_in_bursts_are_measured_or_refused(burst_s: float) -> None:
     """They ended inside, with a ValueError."""
     part = analytic(18_005_000)

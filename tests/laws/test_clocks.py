@@ -8,6 +8,7 @@ import pytest
 from bench.score.measure import alone
 from bench.score.outsider import raw
 from tests.checks.test_late import FRAMES, TIME, late
+from tests.seldom import seldom
 from workbench.checks.residuals import late_check
 from workbench.units import DEG
 
@@ -36,7 +37,7 @@ def test_what_the_place_shows_of_a_lag_stays_where_two_passes_show_a_twist_alike
     assert np.median(found.offset_s) == pytest.approx(0.02, abs=0.002)
 
 
-@pytest.mark.parametrize("seed", [12950004, 12960006])
+@pytest.mark.parametrize("seed", [12950004, *seldom(12960006)])
 def test_a_turn_that_is_hardly_known_refuses_no_sound_raw_edge(seed: int) -> None:
     """Refused: 0.082 deg at a standard uncertainty of 0.073 deg, and 0.036 deg at 0.024 deg."""
     found = alone(raw(seed))

@@ -98,13 +98,13 @@ FAILS = {("straight", "every second frame"): "root_mm 1.20"}  # as measured: how
 
 
 def laws(changes: Callable[[str], Iterable[str]]) -> list[Any]:
-    """Each change with every third part, in turn; `make test-slow`: with every part.
+    """Each change with every fourth part, in turn; `make test-slow`: with every part.
 
     Known failures must fail, so that a better engine takes them off.
     """
     cases = [(n, k, (name, change)) for n, name in enumerate(DOZEN) for k, change in enumerate(changes(name))]
     fails = {case: [pytest.mark.xfail(strict=True, reason=reason)] for case, reason in FAILS.items()}
-    often = {case for n, k, case in cases if n % 3 == k % 3} | fails.keys()
+    often = {case for n, k, case in cases if n % 4 == k % 4} | fails.keys()
     return [
         pytest.param(*case, marks=fails.get(case, [] if case in often else [pytest.mark.slow])) for *_, case in cases
     ]

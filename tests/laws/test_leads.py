@@ -15,7 +15,7 @@ from workbench.synthetic import Truth, parse_recipe, simulate_recording
 
 DOCUMENT: dict[str, Any] = {
     "part": {"kind": "milled", "length_mm": 100, "end_face_twist_deg": 4, "table_gap_mm": 80},
-    "robot": {"pose_noise_mm": 0.01, "pose_noise_deg": 0.001},
+    "robot": {"pose_noise_mm": 0.01, "pose_noise_deg": 0.001, "frame_pitch_mm": 0.4},
     "disturbances": {},
 }
 WAY = {"from_mm": 1, "to_mm": 99, "aim_mm": [-2, 4]}
@@ -29,7 +29,7 @@ def seen(elevation_deg: int, *leads_deg: int) -> tuple[MilledEdge, Truth]:
 
 
 @pytest.mark.parametrize("elevation_deg", [-25, 20])
-@pytest.mark.parametrize("leads_deg", [(15,), (-15,), (15, -15)])
+@pytest.mark.parametrize("leads_deg", [(15,), (15, -15)])
 def test_a_lead_turns_nothing(elevation_deg: int, leads_deg: tuple[int, ...]) -> None:
     """u of the bevel is at most 1.3 times that without a lead, and errors are within 2.5 u."""
     found, truth = seen(elevation_deg, *leads_deg)
@@ -71,7 +71,7 @@ def test_passes_oblique_to_either_side_measure_one_preparation() -> None:
             "twist_deg": {"start": -3, "end": 3},
         },
         "scanner": {"noise": {"sd_mm": 0.003}},
-        "robot": {"frame_pitch_mm": 0.3, "pose_noise_mm": 0.003, "pose_noise_deg": 0.001},
+        "robot": {"frame_pitch_mm": 0.6, "pose_noise_mm": 0.003, "pose_noise_deg": 0.001},
         "passes": [{**way, "oblique_deg": 20}, {**way, "oblique_deg": -20}],
     }
     recording, truth = simulate_swept(parse_swept_recipe(recipe))

@@ -26,7 +26,7 @@ def sound(name: str) -> Recording:
     return DOZEN[name]().recording if name in DOZEN else read(recording=f"data/synthetic/{name}.h5")
 
 
-@pytest.mark.parametrize(("name", "factor"), zip(ALL, cycle((0.99, 1.04)), strict=False))
+@pytest.mark.parametrize(("name", "factor"), zip(ALL[::2], cycle((0.99, 1.04)), strict=False))
 def test_half_a_recording_of_another_lateral_scale_is_refused_by_its_frame(name: str, factor: float) -> None:
     """Answered, 13 to 40 u off, before."""
     scan = sound(name)
@@ -35,7 +35,7 @@ def test_half_a_recording_of_another_lateral_scale_is_refused_by_its_frame(name:
         fuse(later(lambda x, z: (factor * x, z))(scan, RNG))
 
 
-@pytest.mark.parametrize(("name", "is_mirrored"), zip(ALL, cycle((True, False)), strict=False))
+@pytest.mark.parametrize(("name", "is_mirrored"), zip(ALL[1::2], cycle((True, False)), strict=False))
 def test_half_a_recording_mirrored_or_with_its_columns_reversed_is_refused(name: str, is_mirrored: bool) -> None:
     """Answered, 150 to 250 u off of a raw edge, before."""
     scan = sound(name)
@@ -71,8 +71,9 @@ def test_a_sensor_may_resample_jitter_lose_columns_and_follow_the_part(name: str
         assert found["mirrored_frames"].passed
 
 
-@pytest.mark.parametrize("name", ["milled_arc", "raw_arc", "twisted", "robot's process", "raw, camera"])
-@pytest.mark.parametrize("share", [0.3, 0.5])
+@pytest.mark.parametrize(
+    ("name", "share"), [("milled_arc", 0.3), ("raw_arc", 0.5), ("twisted", 0.3), ("raw, camera", 0.5)]
+)
 def test_an_orientation_that_hangs_in_a_part_of_a_pass_is_refused(name: str, share: float) -> None:
     """Answered, 9 u off, before."""
     with pytest.raises(InputError, match="and the next one jumps: a frozen stream"):

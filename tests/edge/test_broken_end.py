@@ -58,7 +58,7 @@ def plainly(seed: int, radius_mm: float, incline_deg: float) -> tuple[Part, Mill
 
 
 def test_the_virtual_edge_lies_within_its_uncertainty() -> None:
-    cases = [(3, 0.0, 25.0), (8, 0.15, 25.0), (12, 0.3, 25.0), (12, 0.0, 45.0), (3, 0.15, 45.0), (8, 0.3, 45.0)]
+    cases = [(3, 0.0, 25.0), (12, 0.3, 25.0), (12, 0.0, 45.0), (8, 0.3, 45.0)]
     found = [np.abs(errors(part, edge) / edge.root.u[edge.seen]).max() for part, edge in (plainly(*c) for c in cases)]
     assert np.median(found) < 2.0
     assert max(found) < 4.0
@@ -67,8 +67,8 @@ def test_the_virtual_edge_lies_within_its_uncertainty() -> None:
 @pytest.mark.parametrize(
     ("seed", "radius_mm", "incline_deg"),
     [
-        *((3, 0.2, -8.0), (5, 0.25, -18.0)),
-        *seldom((5, 0.0, -12.0), (8, 0.1, -8.0), (8, 0.1, -12.0), (3, 0.25, -12.0)),
+        (3, 0.2, -8.0),
+        *seldom((5, 0.25, -18.0), (5, 0.0, -12.0), (8, 0.1, -8.0), (8, 0.1, -12.0), (3, 0.25, -12.0)),
     ],
 )
 def test_a_view_from_below_sees_all_of_a_rounding(seed: int, radius_mm: float, incline_deg: float) -> None:
@@ -90,7 +90,7 @@ def seen_from_below(drawn: Drawn) -> tuple[MilledEdge, Float]:
 
 @pytest.mark.parametrize(
     ("draw", "seed", "radius_mm"),
-    [(triangulated_below, 2511, 0.240), (outside_below, 2515, 0.277), *seldom((triangulated_below, 2508, 0.235))],
+    [(outside_below, 2515, 0.277), *seldom((triangulated_below, 2511, 0.240), (triangulated_below, 2508, 0.235))],
 )
 def test_a_rounding_between_root_face_and_lower_surface_is_measured(
     draw: Callable[[int], Drawn], seed: int, radius_mm: float
@@ -142,7 +142,7 @@ def test_the_fill_at_which_a_pixel_returns_is_told_by_its_depth(threshold: float
     assert np.abs(off).max() < 0.015
 
 
-@pytest.mark.parametrize("seed", [9_643_006, 13_800_007])
+@pytest.mark.parametrize("seed", [9_643_006, *seldom(13_800_007)])
 def test_a_lower_surface_that_returns_in_half_of_the_frames_is_not_the_root_face(seed: int, tmp_path: Path) -> None:
     """Seen from below in a radius of 0.25 mm; its returns, up to 2 mm beyond the edge, were taken for its break."""
     found = one(("below", "triangulated", seed, tmp_path, "product")).found["root_mm"]

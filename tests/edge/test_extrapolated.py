@@ -20,8 +20,8 @@ def test_corners_that_returns_show_are_not_extrapolated(groove: tuple[Cloud, Joi
     assert not [one for one in groove[1].warnings if "extrapolated" in one]
 
 
-@pytest.mark.parametrize("bare_mm", [0.3, 0.5])
-def test_a_corner_without_returns_is_extrapolated(groove: tuple[Cloud, Joint], bare_mm: float) -> None:
+def test_a_corner_without_returns_is_extrapolated(groove: tuple[Cloud, Joint]) -> None:
+    bare_mm = 0.4
     cloud, joint = groove
     corner = joint.corners["left_upper"].section_mm
     line = joint.origin_mm + corner[:, :1] * joint.normal + corner[:, 1:] * joint.across

@@ -46,4 +46,3 @@ def test_place_and_direction_move_as_stated() -> None:
         gap = moved.position_mm[near] - right.position_mm[k]
         off.append([gap @ right.normal[k], gap @ right.across[k], moved.normal[near] @ right.across[k]])
     assert np.linalg.norm(off, axis=0) == pytest.approx([*right.hand_eye_u_mm[k], right.normal_u[k]], rel=0.1)
-    assert segment_raw(fuse(recording), upper_side=tuple(truth.across[0].tolist())).hand_eye_u_mm is None  # told none

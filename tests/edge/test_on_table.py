@@ -26,9 +26,9 @@ def on_table(seed: int, gap_mm: float, is_raw: bool = False) -> Part:
     return simulate(seed, is_raw, sizes.drawn((plate(sizes.root_mm, sizes.above()),)))
 
 
-@pytest.mark.parametrize(("is_raw", "gap_mm"), [(False, 0.05), (True, 0.4), *seldom((False, 0.4), (True, 0.05))])
+@pytest.mark.parametrize(("is_raw", "gap_mm"), [(False, 0.05), *seldom((True, 0.4), (False, 0.4), (True, 0.05))])
 def test_a_gap_below_the_plate_is_in_u(is_raw: bool, gap_mm: float) -> None:
-    told, seeds = 0, range(2 if is_raw else 4)
+    told, seeds = 0, range(2)
     for seed in seeds:
         found = alone(plain(on_table(seed, gap_mm, is_raw), is_raw))
         told += not found.refused
@@ -53,7 +53,7 @@ def test_a_path_names_that_a_stop_looks_alike() -> None:
     assert any("a stop which touches it" in one for one in decision.unchecked)
 
 
-@pytest.mark.parametrize(("gap_mm", "thick_mm"), [(0.0, 7.0), (0.3, 7.0), *seldom((0.0, 40.0))])
+@pytest.mark.parametrize(("gap_mm", "thick_mm"), [(0.3, 7.0), *seldom((0.0, 7.0), (0.0, 40.0))])
 def test_a_backing_bar_that_ends_in_the_view_is_no_step(gap_mm: float, thick_mm: float) -> None:
     """No land of a nose is as wide; of a thick plate the upper surface, that would be parallel, is out of view."""
     sizes = Sizes(1.5, 40.0 * DEG, thick_mm, None)

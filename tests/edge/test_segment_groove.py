@@ -72,10 +72,10 @@ def test_ends_beside_blind_columns_are_known_to_their_width() -> None:
     assert max(abs(error) / u for _, error, u in rows) < 3.0
 
 
-@pytest.mark.parametrize(("kind", "way"), [("V", 1), *seldom(("V", -1))])
-def test_columns_that_are_dark_where_a_root_passes_do_not_end_it(kind: str, way: int) -> None:
+@pytest.mark.parametrize("way", [1, *seldom(-1)])
+def test_columns_that_are_dark_where_a_root_passes_do_not_end_it(way: int) -> None:
     """Ten of them, merged with the gap's dark, moved the gap by 0.27 mm, 19 u: what they end is left out, and said."""
-    recipe = short(random_prism_recipe(kind, 12_700_100))
+    recipe = short(random_prism_recipe("V", 12_700_100))
     aside = recipe.passes[0].model_copy(update={"skew_mm": (-0.4, 0.4)})  # across the view, by less than the gap
     recording, truth = simulate_prism(recipe.model_copy(update={"passes": (aside,)}))
     z_mm = recording.z_mm.copy()[:, ::way]

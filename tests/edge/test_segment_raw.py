@@ -56,12 +56,13 @@ def off_true(scan: Any, edge: Edge) -> tuple[Float, Float, Float]:
 def test_nothing_is_invented_under_clamps(drawn: Scans) -> None:
     scan = drawn("raw_clamps", 1)
     edge = found(scan)
+    assert edge.hand_eye_u_mm is None  # nobody said how uncertain the hand-eye pose is
     really = scan.truth.seen_at(edge.position_mm[edge.seen])
     assert (~really).sum() <= 3  # next to the clamps, within the spacing of stations
     assert abs(scan.truth.seen.sum() * 0.5 - edge.seen.sum()) < 6
 
 
-@pytest.mark.parametrize("seed", [17840002, 17840010, 17840015])  # a quarter of their frames are by far smoother
+@pytest.mark.parametrize("seed", [17840010, *seldom(17840002)])  # a quarter of its frames are by far smoother
 def test_a_rough_face_is_its_plane_over_20_mm(seed: int) -> None:
     recording, truth = simulate_swept(random_swept_recipe("swept_raw_rough", seed))
     edge = segment_raw(denoise(fuse(recording)), upper_side=rough_upper_side(truth))
@@ -84,8 +85,7 @@ def test_depths_of_a_rough_face_are_no_chamfer_of_its_end() -> None:
 
 
 @pytest.mark.parametrize(
-    ("parts", "seed", "most_deg"),
-    [("lost_blocks", 17860000, 0.1), ("lost_blocks", 17860002, 0.1), ("mixed", 17910003, 1)],
+    ("parts", "seed", "most_deg"), [("lost_blocks", 17860000, 0.1), *seldom(("mixed", 17910003, 1))]
 )
 def test_frames_that_lose_the_lower_part_of_the_face_bend_no_edge(parts: str, seed: int, most_deg: float) -> None:
     """The last returns of 12 mm of it lie 5 mm higher, of the mixed part half of all, which a first look follows."""
@@ -107,7 +107,7 @@ def test_a_ring_is_known_to_its_ends() -> None:
 
 @pytest.mark.parametrize(
     ("parts", "seed", "noise_mm"),
-    [("plain", 17971000, None), ("plain", 17971000, 0.03), *seldom(("arc", 17971000, 0.03))],
+    [("plain", 17971000, None), *seldom(("plain", 17971000, 0.03), ("arc", 17971000, 0.03))],
 )
 def test_passes_that_disagree_are_averaged(parts: str, seed: int, noise_mm: float | None) -> None:
     """The second lies 0.2 mm off: the edge is half way, as its u says, and has no wave from one pass to the other."""
@@ -138,7 +138,7 @@ def in_parts(kind: str, order: tuple[int, ...]) -> tuple[Any, Any]:
     return denoise(fuse(frames(recording, (share > 0.03) & (share < 0.97)))), truth
 
 
-@pytest.mark.parametrize("order", [(0, 2, 1), (1, 0)])
+@pytest.mark.parametrize("order", [(0, 2, 1), *seldom(((1, 0),))])
 def test_a_raw_ring_is_measured_in_parts(order: tuple[int, ...]) -> None:
     """Parts that do not overlap were placed by their middles, and a curve that began before the longest was lost."""
     cloud, truth = in_parts("swept_raw_ring", order)
@@ -262,10 +262,9 @@ def test_what_only_the_lower_end_tells_is_said(scanned: Scans, sampling: str) ->
     assert len(told) == (sampling == "lateral")
 
 
-@pytest.mark.parametrize("thickness_mm", [1.2, 1.8])
-def test_thin_sheet_is_measured(scanned: Scans, thickness_mm: float) -> None:
+def test_thin_sheet_is_measured(scanned: Scans) -> None:
     """Refused below 2 mm."""
-    scan = scanned(part=RAW | {"thickness_mm": thickness_mm}, passes=[ABOVE])
+    scan = scanned(part=RAW | {"thickness_mm": 1.2}, passes=[ABOVE])
     edge = found(scan)
     assert edge.seen.mean() > 0.9
     off = np.stack(off_true(scan, edge), axis=1)

@@ -23,7 +23,7 @@ def test_bound_is_that_of_the_identifications_own_information(condition):
     assert truth.bound == pytest.approx(np.sqrt(np.diag(np.linalg.inv(information))) * K, rel=2e-3)
 
 
-@pytest.mark.parametrize("condition", ["planned", *seldom("table_a1")])
+@pytest.mark.parametrize("condition", seldom("planned", "table_a1"))
 def test_errors_are_those_of_the_bound_and_of_the_covariance(condition):
     truth = known(condition)
     found = [

@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bench.recordings import frames
+from tests.seldom import seldom
 from workbench import cloud as clouds
 from workbench import edge, path, scan
 from workbench.api import inverse
@@ -103,7 +104,7 @@ def test_a_pose_that_the_recording_has_beside_the_calibration_is_told_with_its_s
     assert not any("elsewhere" in one for one in gate_of(sound).unchecked)
 
 
-@pytest.mark.parametrize("mm", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("mm", [0.5, 2.0])
 def test_points_touched_beside_the_edge_are_measured_from_the_face_they_lie_on(sound, touched, mm):
     """On end face and upper surface, `mm` from where they meet; half a millimetre and more off either is told."""
     _, raw, _ = sound
@@ -198,9 +199,10 @@ WRONG: dict[str, Spoil] = {
     "turntable turning by 1 deg": table_turning,
     "z scale 5 % off": lambda one: replace(one, z_mm=(1.05 * one.z_mm).astype(np.float32)),
 }
+OFTEN = ("profiles tracked", "hand-eye turned and moved", "turntable turning by 1 deg", "z scale 5 % off")
 
 
-@pytest.mark.parametrize("kind", WRONG)
+@pytest.mark.parametrize("kind", [*OFTEN, *seldom(*(kind for kind in WRONG if kind not in OFTEN))])
 def test_a_recording_that_is_wrong_as_a_whole_never_passes(recording, sound, touched, kind):
     """Not alone, and not with points that were touched where the part really is, but where it lies within 1 mm."""
     try:

@@ -52,7 +52,9 @@ MISTAKES: list[tuple[str, int, Change, str]] = [
     ("joint 6 reversed", 4, scaled("joints", 5, -1), "column q6_deg is of the wrong sign"),
     ("joint 3 from the horizontal", 0, from_horizontal, "q3_deg is counted from the horizontal"),
 ]
-SELDOM = dict.fromkeys(("ry in mrad", "all points in m"), pytest.mark.slow)  # as rad and torques
+SELDOM = dict.fromkeys(
+    ("ry in mrad", "all points in m", "joint 3 reversed", "p3z reversed"), pytest.mark.slow
+)  # as rad, torques, joint 6
 
 
 @pytest.mark.parametrize(

@@ -38,8 +38,8 @@ SMALL: dict[str, dict[str, Any]] = {  # what a law asks for shows over few postu
     "stiffness.posture": {"cutter_rotation_deg": [-10, 10], "turntable_deg": [0, 0], "sampled_points": 10},
     "stiffness.chatter": {"stations": 3, "speed_change": 0.05},
     "stiffness.maps": {"steps": 9},
-    "compare.deviation": {"spacing_mm": 10.0},
-    "scan.plan": {"frame_rate_hz": 50.0},
+    "compare.deviation": {"spacing_mm": 6.0},
+    "scan.plan": {"frame_rate_hz": 80.0},
 }
 
 

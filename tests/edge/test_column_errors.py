@@ -111,7 +111,7 @@ def test_a_pattern_turns_no_face_of_a_groove(drawn: Draw) -> None:
     assert told == [False, True]
 
 
-@pytest.mark.parametrize("seed", [15_000_004, *seldom(15_000_030)])
+@pytest.mark.parametrize("seed", [15_000_030, *seldom(15_000_004)])
 def test_a_bevel_is_rid_of_a_pattern_that_all_frames_have(seed: int) -> None:
     """Bevels that were 0.8 and 1.7 deg off, with u of as much."""
     found = alone(milled_part(*simulate_swept(random_swept_recipe("swept_fixed_pattern", seed)))).found["bevel_deg"]

@@ -42,6 +42,7 @@ def test_a_few_stray_frames_behind_do_not_make_the_edge_a_clamp() -> None:
     np.testing.assert_array_equal(kept, height == 0)
 
 
+@pytest.mark.slow
 def test_an_end_that_is_lost_up_to_a_clamp_is_uncertain_by_that() -> None:
     """Three columns lost along the first half, and a clamp where that ends: 0.15 mm off at 7 u before."""
     found = named("swept_raw_mixed", 4_060_001).found["along_m_mm"]

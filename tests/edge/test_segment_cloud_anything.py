@@ -65,6 +65,7 @@ def test_any_cloud_gives_an_edge_or_one_line(seed: int):
             assert not refusal or (refusal.startswith(f"{name}.ply: ") and "\n" not in refusal), refusal
 
 
+@pytest.mark.slow
 def test_a_ring_whose_slices_determine_no_course_gets_one_line() -> None:
     """It ended in numpy's LinAlgError."""
     recording, _ = simulate_swept(random_swept_recipe("swept_ring", 17_660_005))

@@ -76,6 +76,7 @@ def test_a_rough_face_is_its_plane_over_20_mm(seed: int) -> None:
     assert np.mean(heading < 2 * edge.tangent_u[edge.seen]) > 0.8
 
 
+@pytest.mark.slow
 def test_depths_of_a_rough_face_are_no_chamfer_of_its_end() -> None:
     """They passed for one of 1.8 mm, and a sound recording was refused."""
     recording, truth = simulate_recording(random_recipe("raw_rough", 17940001))
@@ -96,6 +97,7 @@ def test_frames_that_lose_the_lower_part_of_the_face_bend_no_edge(parts: str, se
     assert parts == "mixed" or "short of its course" in " ".join(edge.warnings)
 
 
+@pytest.mark.slow
 def test_a_ring_is_known_to_its_ends() -> None:
     """A course that may be straight but for waves is straight at its ends: 0.24 deg there, at 8 u."""
     recording, truth = simulate_swept(random_swept_recipe("swept_raw_ring", 17910003))

@@ -39,6 +39,7 @@ def test_a_known_step_is_found(step_mm: float) -> None:
     assert "Significant change" in chapter.summary
 
 
+@pytest.mark.slow
 def test_level_of_detection_covers() -> None:
     """Over 10 parts on which nothing changed about 5 % of the places lie beyond their level, frames' noise or not."""
     shares = []

@@ -17,12 +17,16 @@ from bench.score.outsider import Sharp
 from bench.score.swept import milled_part, worn
 from bench.simulators.swept import simulate_swept
 from tests.edge.test_broken_end import measured
+from tests.laws.dozen import plate
 from tests.seldom import seldom
 from workbench.artefacts import FORM
+from workbench.cloud import denoise
+from workbench.edge import segment
 from workbench.edge.column_errors import ColumnErrors, Linearity
 from workbench.edge.residual_image import FaceImage, SeenBy, forms
 from workbench.errors import WorkbenchError
 from workbench.result_files import SensorFile
+from workbench.scan import fuse
 from workbench.units import DEG, Float
 
 WALKING = (45, 51, 58)  # the first of seed 40 and on whose sensor walks
@@ -85,8 +89,9 @@ def test_u_follows_the_linearity_that_is_declared(tmp_path: Path) -> None:
 def test_a_sensor_file_with_another_unit_is_refused(tmp_path: Path, content: dict[str, float], message: str) -> None:
     file = tmp_path / "sensor.json"
     file.write_text(json.dumps(content))
+    cloud = denoise(fuse(plate().recording))
     with pytest.raises(WorkbenchError, match=rf"sensor\.json: \${message}"):
-        measured(walking(41, 0.0), sensor=file)
+        segment(cloud, sensor=file)
 
 
 def test_a_sensor_file_may_say_more(tmp_path: Path) -> None:

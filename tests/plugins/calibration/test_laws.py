@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -91,6 +93,14 @@ INSTRUMENTS = {
 every = pytest.mark.parametrize("name", INSTRUMENTS)
 
 
+@cache
+def as_it_is(name: str) -> tuple[tuple[str, ...], dict[str, Any]]:
+    """Rows of an instrument, and what it finds in them."""
+    rows = INSTRUMENTS[name].rows(np.random.default_rng(3))
+    with TemporaryDirectory() as folder:
+        return tuple(rows), asked(Path(folder), name, rows)
+
+
 def asked(folder: Path, name: str, rows: list[str]) -> dict[str, Any]:
     path = folder / "table.csv"
     path.write_text("\n".join([INSTRUMENTS[name].header, *rows]) + "\n")
@@ -100,20 +110,19 @@ def asked(folder: Path, name: str, rows: list[str]) -> dict[str, Any]:
 @every
 def test_a_rigid_motion_of_the_frame_moves_the_answer_with_it(name: str, tmp_path: Path) -> None:
     one, rng = INSTRUMENTS[name], np.random.default_rng(1)
-    rows, turn, shift = one.rows(rng), Rotation.random(rng=rng), 500.0 * rng.normal(size=3)
-    here, there = asked(tmp_path, name, rows), asked(tmp_path, name, [one.moved(row, turn, shift) for row in rows])
+    turn, shift = Rotation.random(rng=rng), 500.0 * rng.normal(size=3)
+    rows, here = as_it_is(name)
+    there = asked(tmp_path, name, [one.moved(row, turn, shift) for row in rows])
     np.testing.assert_allclose(one.same(there), one.same(here), rtol=1e-3, atol=1e-4)
     np.testing.assert_allclose(one.places(there), turn.apply(one.places(here)) + shift, atol=2e-3)
 
 
 @every
 def test_the_order_of_rows_changes_nothing(name: str, tmp_path: Path) -> None:
-    one, rng = INSTRUMENTS[name], np.random.default_rng(2)
-    rows = one.rows(rng)
+    one, (rows, here) = INSTRUMENTS[name], as_it_is(name)
     first, rest = rows[:2], rows[2:]  # whose names come first is the tip
-    here, there = (
-        asked(tmp_path, name, first + order) for order in (rest, [rest[k] for k in rng.permutation(len(rest))])
-    )
+    order = np.random.default_rng(2).permutation(len(rest))
+    there = asked(tmp_path, name, [*first, *(rest[k] for k in order)])
     np.testing.assert_allclose(one.same(there), one.same(here), rtol=1e-3, atol=1e-4)
 
 
@@ -132,14 +141,14 @@ def test_more_rows_never_tell_less(name: str, tmp_path: Path) -> None:
 @every
 def test_rows_that_err_more_than_stated_are_told_and_widen_u(name: str, tmp_path: Path) -> None:
     one, rng = INSTRUMENTS[name], np.random.default_rng(3)
-    rows = one.rows(rng)
+    rows, calm = as_it_is(name)
     last = -3 if name != "tool" else 2
     worse = []
     for row in rows:
         cells = row.split(",")
         first = last % len(cells)
         worse.append(",".join(_shifted(cells, first, Rotation.identity(), 0.2 * rng.normal(size=3))))
-    calm, loud = asked(tmp_path, name, rows), asked(tmp_path, name, worse)
+    loud = asked(tmp_path, name, worse)
     assert loud["misfit"] > 4.0 > calm["misfit"]
     assert any("times as far apart as the stated noise says" in words for words in loud["warnings"])
     assert not any("noise" in words for words in calm["warnings"])
@@ -160,9 +169,8 @@ def test_a_blunder_is_left_out_and_told(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["tool", "turntable"])
 def test_rows_written_down_again_count_once(name: str, tmp_path: Path) -> None:
     """Of a tracker's readings a third of their own noise is left, in test_robot.py."""
-    one = INSTRUMENTS[name]
-    rows = one.rows(np.random.default_rng(17))
-    assert one.same(asked(tmp_path, name, rows * 10))[0] > 0.95 * one.same(asked(tmp_path, name, rows))[0]
+    one, (rows, found) = INSTRUMENTS[name], as_it_is(name)
+    assert one.same(asked(tmp_path, name, [*rows] * 10))[0] > 0.95 * one.same(found)[0]
 
 
 def test_targets_and_registration_lie_where_they_were_put(tmp_path: Path) -> None:

@@ -83,6 +83,7 @@ def test_weaved_scans() -> None:
     assert np.degrees(np.linalg.norm(off(found, truth)[3:])) < 0.2
 
 
+@pytest.mark.slow
 def test_scans_that_move_alike_do_not_tell_the_offset() -> None:
     passes = random_sphere_recipe("sphere_scans", 1).model_dump(mode="json")["passes"]
     for one in passes:

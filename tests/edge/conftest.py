@@ -39,12 +39,12 @@ def scan_of(recipe: Recipe) -> Scan:
 
 @pytest.fixture(scope="session")
 def drawn() -> Callable[[str, int], Scan]:
-    """`drawn(condition, seed)`: a part drawn at random under a named condition, a frame every 0.6 mm."""
+    """`drawn(condition, seed)`: a part drawn at random under a named condition, a frame every 0.4 mm."""
 
     @functools.cache
     def make(condition: str, seed: int) -> Scan:
         recipe = random_recipe(condition, seed)
-        return scan_of(recipe.model_copy(update={"robot": recipe.robot.model_copy(update={"frame_pitch_mm": 0.6})}))
+        return scan_of(recipe.model_copy(update={"robot": recipe.robot.model_copy(update={"frame_pitch_mm": 0.4})}))
 
     return make
 

@@ -134,7 +134,7 @@ def test_a_level_that_leans_is_another_surface() -> None:
     assert one_level(leaning, LOOKED_AT)[0] == 0.0
 
 
-@pytest.mark.parametrize("height_mm", np.arange(0.31, 1.0, 0.013).round(3))
+@pytest.mark.parametrize("height_mm", np.arange(0.31, 1.0, 0.039).round(3))
 def test_a_level_is_found_at_any_height_however_even(height_mm: float) -> None:
     """Returns that scatter less than the steps in which levels are sought lay beside all of them."""
     rng = np.random.default_rng(4)

@@ -18,7 +18,6 @@ from workbench.artefacts import BEVEL_FACE, ROOT_FACE
 from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.edge.faces import find_faces
-from workbench.edge.measure import measure_edge
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from
 from workbench.scan import fuse
@@ -51,14 +50,6 @@ def test_a_root_face_that_runs_out_of_the_field_is_refused(scanned: Scans) -> No
     x, z, keep = (np.take_along_axis(one, order, axis=1) for one in (cut["x_mm"], cut["z_mm"], kept))
     with pytest.raises(InputError, match="packed into the first columns"):
         segment(replace(cloud, x_mm=x, z_mm=np.where(keep, z, np.nan).astype(np.float32), keep=keep))
-
-
-def test_an_end_that_is_drawn_out_in_every_frame_is_refused_with_the_suspicion(scanned: Scans) -> None:
-    cloud = scanned().cloud
-    tracked = find_faces(cloud, 1.5, 40.0)
-    drawn_out = replace(tracked, end_is_burred=np.ones(len(tracked.end_is_burred), bool))
-    with pytest.raises(InputError, match="a further face beyond a step"):
-        measure_edge(cloud, drawn_out)
 
 
 def test_a_view_that_ends_on_the_root_face_exchanges_no_faces() -> None:

@@ -214,7 +214,7 @@ def broken_end(
     beyond, u, own = np.zeros((3, here.size))
     numbers = np.unique(cloud.pass_index[here])
     footprints = _footprints(cloud, rim, here)
-    burr = drawn_end(cloud, rim, here | rim.burred)
+    burr = drawn_end(cloud, rim, here)
     looks = [_view(cloud, rim, here & (cloud.pass_index == p), burr.is_proven, footprints) for p in numbers]
     views = [view for view, _ in looks]
     prior = PRIORS[condition]
@@ -244,7 +244,7 @@ def broken_end(
     if corner is not None:
         size, rim_mm = max(size, corner.radius_mm), max(rim_mm, corner.rim_mm)
     hidden = np.where(here, _hidden_end_u_mm(cloud, rim.face), 0.0)
-    drawn = burr.beside(here | rim.burred) if burr.rim_mm > 0.0 else None
+    drawn = burr.beside(here) if burr.rim_mm > 0.0 else None
     rim_mm = max(rim_mm, burr.rim_mm)
     return BrokenEnd(beyond, u, hidden, size, rim_mm, u, share, dict(zip(numbers, seen, strict=True)), own, drawn)
 

@@ -71,7 +71,7 @@ def root_ends(
     )
     down = off_m - off_n / ray_n * ray_m  # along the ray onto the line of all the face's points
     step = columns_to_next(cloud.z_mm, tracked.end_column) * end[:, 2] / np.hypot(1.0, root.run)
-    down[tracked.end_is_cut | tracked.end_is_burred] = np.nan
+    down[tracked.end_is_cut] = np.nan
     root_share = (1.0 / np.tan(beta) + ray_m / ray_n) ** 2
     if tracked.end_is_corner.any():
         lower, lean = _lower_corner(cloud, tracked, curve, root, tilt, s)

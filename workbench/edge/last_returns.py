@@ -35,7 +35,6 @@ class FaceRim:
     left_out_mm: float = 0.0  # of the face before that end, along x, that its line does not rest on
     adjacent: FaceLines | None = None  # the face that it meets in a corner
     upper: FaceLines | None = None  # the surface beyond that one, square to the face
-    burred: Bool | bool = False  # frames (N,) of which the end would be free but for something that stands on it
 
     def recession(self, frames: Int) -> Float:
         """How fast the face falls away from the sensor towards its end, by x; negative: seen from beyond the end."""
@@ -56,7 +55,6 @@ def root_rim(tracked: TrackedFaces, left_out_mm: float = 0.0) -> FaceRim:
         left_out_mm,
         bevel,
         tracked.faces[UPPER_SURFACE],
-        tracked.seen & tracked.end_is_burred & ~(tracked.end_is_cut | tracked.end_is_corner),
     )
 
 
@@ -65,7 +63,7 @@ def is_free_end(tracked: TrackedFaces) -> Bool:
 
     A return between it and what lies behind it is mostly far off its line; one that is not may be of a rounding.
     """
-    return tracked.seen & ~(tracked.end_is_cut | tracked.end_is_burred | tracked.end_is_corner)
+    return tracked.seen & ~(tracked.end_is_cut | tracked.end_is_corner)
 
 
 def sampled(frames: Bool) -> Int:

@@ -34,7 +34,7 @@ UNDETERMINED = (
     "its frames do not determine one smooth edge: do passes overlap, are poses and hand-eye right, is a face only a "
     "few columns wide?"
 )
-LEAST_CLEAN = 1.0 / 3.0  # of the frames, whose root face ends as a face does: with burrs 0.7 and more do
+TURNED = 100.0  # times the variance of a direction, of a face whose end is burred
 FAR_MM, FAR_TIMES = 5.0, 5.0  # of the root face: frames that say more have lost the faces
 LEAST_SIGMA_MM = 1e-3
 LEAST_WEIGHT = 0.5  # of a frame that shows the end as well as others beside it do
@@ -95,7 +95,6 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces, broken: BrokenEnd | None =
     corners, along = _corners(cloud, tracked)
     seen = tracked.seen & np.isfinite(corners).all(axis=1) & np.isfinite(along).all(axis=1)
     check_advance(cloud, corners[seen])
-    check_ends(cloud, tracked, seen)
     s = np.full(seen.size, np.nan)
     s[seen] = along_motion(corners[seen], along[seen], cloud.pass_index[seen])
     few = _few(s, cloud.pass_index)
@@ -105,9 +104,7 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces, broken: BrokenEnd | None =
     first, lower_edge, s_low = _state(cloud, tracked, broken, curve, s, np.zeros((2, s.size)), few)
     turns = first.turns
     good = _sound(cloud, lower_edge, s_low, corners)
-    check_ends(cloud, tracked, good)
-    clean = good & ~tracked.end_is_burred
-    curve = fit_curve(lower_edge[clean], s_low[clean], cloud.pass_index[clean])
+    curve = fit_curve(lower_edge[good], s_low[good], cloud.pass_index[good])
     s[good] = curve.project(lower_edge[good], s_low[good])
     s[~good] = np.nan
     for _ in range(MOST_ROUNDS):
@@ -115,12 +112,11 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces, broken: BrokenEnd | None =
         measured, lower_edge, s_low = _state(cloud, tracked, broken, curve, s, turns)
         turns = measured.turns
         astray = float(np.mean(np.isnan(measured.upper_s[np.isfinite(s)])))
-        moved = np.linalg.norm(lower_edge - before, axis=1)[clean]
+        moved = np.linalg.norm(lower_edge - before, axis=1)[good]
         if np.nanmax(moved, initial=0.0) < ASTRAY_MM:
             break
         good = _sound(cloud, lower_edge, s_low, corners)
-        clean = good & ~tracked.end_is_burred
-        curve = fit_curve(lower_edge[clean], s_low[clean], cloud.pass_index[clean])
+        curve = fit_curve(lower_edge[good], s_low[good], cloud.pass_index[good])
         s[good] = curve.project(lower_edge[good], s_low[good])
         s[~good] = np.nan
     else:
@@ -189,17 +185,6 @@ def check_advance(cloud: Cloud, corners: Float) -> None:
         )
 
 
-def check_ends(cloud: Cloud, tracked: TrackedFaces, used: Bool) -> None:
-    """Refuse an edge of which too few of the `used` frames (N,) show the root face's lower end as faces end."""
-    clean = int((used & ~tracked.end_is_burred).sum())
-    if clean < max(LEAST_FRAMES, LEAST_CLEAN * used.sum()):
-        raise InputError(
-            cloud.source,
-            f"the root face's lower end is bent or drawn out in all but {clean} of {int(used.sum())} frames: a burr "
-            "all along (remove it), a further face beyond a step, or a smoothing filter of the sensor (switch it off)?",
-        )
-
-
 def _sound(cloud: Cloud, lower_edge: Float, s: Float, corners: Float) -> Bool:
     """Frames (N,) whose lower edge lies about as far from the corner of their faces as elsewhere.
 
@@ -239,8 +224,8 @@ def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, tur
     root_angle = root_angle - turns[0]
     group, s_root, variance = cloud.pass_index[of], root.s[of], root.angle_variance[of]
     bevel_course = fit_course(bevel.s[of], bevel_angle[of], bevel.angle_variance[of], group, shared=ROUGH)
-    root_angle = np.where(tracked.end_is_burred[of], np.nan, root_angle[of])  # a burr's low foot turns its line
-    own = ~tracked.end_is_burred
+    root_angle, own = root_angle[of], ~tracked.end_is_burred
+    variance = variance * np.where(own[of], 1.0, TURNED)  # a burr's low foot turns the line
     if few is None:
         likely = own_directions(s_root, root_angle, variance, tracked.faces[ROOT_FACE].width_mm)
         variance, own = variance / likely, own & (likely > 0.5)

@@ -43,8 +43,12 @@ def giving(um_per_n: float) -> Change:
     return change
 
 
+def channels(*factors: float) -> Change:
+    return lambda tests, cell: dataclasses.replace(tests, wrench=tests.wrench * factors)
+
+
 def forces(factor: float) -> Change:
-    return lambda tests, cell: dataclasses.replace(tests, wrench=tests.wrench * ([factor] * 3 + [1.0] * 3))
+    return channels(*[factor] * 3, 1.0, 1.0, 1.0)
 
 
 def links(share: float) -> Change:
@@ -149,7 +153,7 @@ def test_a_scale_that_nothing_shows_stands_in_u_and_is_told_where_it_is_declared
     off = np.abs(identified(high, scale_relative_u=0.0)[0].nm_per_rad - blind.nm_per_rad) / blind.u_nm_per_rad
     assert off.max() == pytest.approx(5 * float(times), rel=0.1)
     kinds = ["the force sensor's place", "the force sensor's axes", "the place of what is tracked"]
-    kinds += ["the forces' gain against the torques'", "a joint's zero"]
+    kinds += ["the forces' gain against the torques'", "a channel's gain", "a joint's zero"]
     assert [one.split(":")[0] for one in others] == kinds
     told, notes = identified(tests)
     assert notes["not_included"] == others
@@ -163,6 +167,17 @@ def test_a_zero_that_is_2_deg_off_is_within_3_u(identified, cell, noisy, joint, 
     """Whether it is named or not; as built they are known to 0.3 deg."""
     found, _ = identified(turned_joint(joint, 2.0)(noisy(64, targets), cell))
     assert (np.abs(found.nm_per_rad - K) < 3 * found.u_nm_per_rad).all()
+
+
+@pytest.mark.parametrize("targets", [0, 4])
+def test_a_channel_that_is_5_percent_off_is_within_4_u_and_its_size_is_told(identified, cell, noisy, targets):
+    tests = noisy(61, targets)
+    (sound, _), (found, notes) = (identified(one) for one in (tests, channels(1, 1, 1, 1, 1, 0.95)(tests, cell)))
+    assert (np.abs(found.nm_per_rad - K) < 4 * found.u_nm_per_rad).all()
+    told = re.findall(
+        r"1 % of the torque along the sensor's z axis changes joint 6 by (\S+) %", str(notes["not_included"])
+    )
+    assert 5 * float(told[0]) == pytest.approx(100 * abs(found.nm_per_rad / sound.nm_per_rad - 1)[5], rel=0.3)
 
 
 def test_links_that_give_across_their_joints_are_told_with_their_size_and_stand_in_u(identified, cell, noisy):

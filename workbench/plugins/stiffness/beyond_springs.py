@@ -27,7 +27,7 @@ AXES = "xyz"
 
 # How well an ordinary cell and robot are known (u): what no load shows stays as large
 PLACE_U_MM, TURN_U_DEG, TRACKED_TURN_U_DEG = 1.0, 0.5, 0.05
-GAIN_U = 0.01  # of the forces against the torques, and of displacements against rotations
+GAIN_U = 0.01  # of the forces against the torques, of each channel, of displacements against rotations
 ZERO_U_DEG = 0.3  # of a joint, as `calibrate.robot` has it
 GIVE_U_UM_N = 0.01  # of a base, along each axis
 LINK_U = 0.005  # of a link's compliance across its joint's axis, over the joint's: the paper's links are rigid
@@ -231,6 +231,10 @@ def _causes(
     yield Cause(words, 0.01, 100 * GAIN_U, {"wrench": tests.wrench * first_three}, hidden=hidden)
     for k in range(6):
         name, unit = ("force", "N") if k < 3 else ("torque", "Nm")
+        channel = f"the {name} along the sensor's {AXES[k % 3]} axis"
+        scaled = {"wrench": tests.wrench * np.eye(6)[k]}
+        hidden = "a channel's gain", f"1 % of {channel}", "%"
+        yield Cause(f"{channel} needs {{0}} %", 0.01, 100 * GAIN_U, scaled, hidden=hidden)
         words = f"a {name} of {{0}} {unit} along the sensor's {AXES[k % 3]} axis in every load"
         yield Cause(words, 1.0, eq.wrench_noise[k], {"wrench": -np.eye(6)[k]})
     yield from _of_displacement(chain, setup, tests)

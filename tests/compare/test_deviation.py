@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.compare.bodies import AT, LENGTH, box, scanned
+from tests.compare.bodies import AT, LENGTH, Surface, box, scanned
 from workbench.artefacts import PointSet
 from workbench.compare import deviation, register, surface
 from workbench.errors import InputError
@@ -37,6 +37,28 @@ def test_a_known_step_is_found(step_mm: float) -> None:
     assert flags[inside].all()
     assert flags[outside].mean() < 0.1
     assert "Significant change" in chapter.summary
+
+
+def test_material_on_the_back_of_a_part_stands_out() -> None:
+    """A block seen from all sides, without a scanner's axis: a bump below, and end faces, have their own outside."""
+    rng = np.random.default_rng(4)
+
+    def block(bump_mm: float) -> Surface:
+        size, count = np.array([40.0, 20.0, 8.0]), 30_000
+        face, at = rng.integers(0, 6, count), rng.uniform(-0.5, 0.5, (count, 3))
+        axis, side = face // 2, face % 2 - 0.5
+        at[np.arange(count), axis] = side
+        points = at * size + rng.normal(0.0, 0.005, (count, 3)) * np.eye(3)[axis]
+        below = (face == 4) & (np.hypot(points[:, 0], points[:, 1]) < 4.0)
+        points[below, 2] -= bump_mm
+        return Surface(points + AT, source="block")
+
+    found, _, _ = deviation(block(0.1), block(0.0), position_u_mm=0.0)
+    here = found.position_mm - AT
+    bump = np.isfinite(found.distance_mm) & (here[:, 2] < -3.5) & (np.hypot(here[:, 0], here[:, 1]) < 2.5)
+    assert found.distance_mm[bump].mean() == pytest.approx(0.1, abs=0.01)
+    outwards = (found.normal * here / np.array([20.0, 10.0, 4.0])).sum(axis=1)
+    assert (outwards[np.isfinite(found.distance_mm)] > 0.5).all()
 
 
 @pytest.mark.slow

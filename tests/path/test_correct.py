@@ -27,6 +27,7 @@ from workbench.artefacts import (
 )
 from workbench.errors import InputError
 from workbench.path import check, correct, feed, layers
+from workbench.path.batch import known_batch
 from workbench.units import DEG, Float
 
 ROOT, BEVEL, ALLOWANCE = 1.5, 40.0, 0.5
@@ -350,3 +351,25 @@ def test_earlier_parts_of_another_path_are_refused(scan: Raw, plan: Toolpath, tm
         correct(cut, plan, earlier=kept(replace(found, bevel=35 * DEG), tmp_path))
     with pytest.raises(InputError, match="what its batch showed"):
         correct(cut, plan, earlier=kept(replace(found, batch=None), tmp_path))
+
+
+def test_earlier_parts_whose_errors_need_not_repeat_are_refused(scan: Raw, plan: Toolpath, tmp_path: Path) -> None:
+    """In another fixture, of another robot or cutter; and the part itself, which would count twice."""
+    cut = inspected(scan, FIRST_ROOT + 0.3 / SINE)
+    named = replace(plan, part=replace(plan.part, part_id="a", robot_serial="R1"))
+    earlier = kept(correct(cut, named)[1], tmp_path)
+    second = replace(named, part=replace(named.part, part_id="b"))
+    assert correct(cut, second, earlier=earlier)[1].batch.parts == 2
+    turned = pose_from(rotation_from_vector(np.array([0.0, 0.0, math.radians(60.0)])), np.zeros(3))
+    thick = replace(second.cutter, diameter_mm=20.0)
+    for path, said in (
+        (named, "'a' is one of the parts before"),
+        (replace(second, part=replace(second.part, robot_serial="R2")), "expected parts of the same, R2, found R1"),
+        (replace(second, cutter=thick), "expected parts of the same, 20.0, found 10.0"),
+        (in_work_object(second, turned), None),
+    ):
+        if said is None:  # a path that says where it is by a work object stands where it stood
+            assert correct(cut, path, earlier=earlier)[1].batch.parts == 2
+            path, said = replace(path, base_from_workobject=np.eye(4)), "mm away, and turned by 4"
+        with pytest.raises(InputError, match=said):
+            known_batch(earlier, path)

@@ -41,6 +41,17 @@ def test_a_path_comes_back_as_it_was_written(tmp_path: Path, document: dict[str,
             assert all(np.allclose(p[name], q[name], rtol=0, atol=1e-12) for name in EVERY)
 
 
+def test_a_quaternion_of_the_other_sign_is_the_same_pose(tmp_path: Path, document: dict[str, Any]) -> None:
+    (tmp_path / "as_is.json").write_text(json.dumps(document))
+    for row in document["layers"]:
+        for point in row["points"][3::2]:
+            point["quaternion_wxyz"] = [-value for value in point["quaternion_wxyz"]]
+    (tmp_path / "flipped.json").write_text(json.dumps(document))
+    one, other = (read(toolpath=tmp_path / name) for name in ("as_is.json", "flipped.json"))
+    for own, here in zip(one.layers, other.layers, strict=True):
+        np.testing.assert_array_equal(own.quaternion_wxyz, here.quaternion_wxyz)
+
+
 def test_what_the_contract_asks_for_is_enough(tmp_path: Path, document: dict[str, Any]) -> None:
     """No travels, requirements, heights and widths; a work object, a quaternion that is a little long."""
     bare: dict[str, Any] = {key: document[key] for key in ("format", "version")}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import zip_longest
 from typing import Any
 
@@ -349,12 +349,13 @@ class Batch:
     turn: Shaped[Float, " k"]  # about the feed, rad
     shift_scatter_mm: float = math.nan  # standard deviation of a part about those before it; NaN: of one part alone
     turn_scatter: float = math.nan  # rad
+    shared: Mapping[str, Any] = field(default_factory=dict)  # what its parts have in common, as the file says it
 
     def on(self, arc_length_mm: Float) -> Batch:
         """The same at other stations."""
         at, own = arc_length_mm, self.arc_length_mm
         shift, turn = (np.interp(at, own, mean, np.nan, np.nan) for mean in (self.shift_mm, self.turn))
-        return Batch(self.parts, at, shift, turn, self.shift_scatter_mm, self.turn_scatter)
+        return replace(self, arc_length_mm=at, shift_mm=shift, turn=turn)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -25,6 +25,8 @@ from workbench.units import Bool, Float, Int, Shaped
 
 LEAST_POINTS = 8
 FLAT = 0.02  # smallest over middle eigenvalue of a flat neighbourhood: beyond, there is a corner in it
+JOINED, NEIGHBOURS = 3.0, 12  # times their usual distance, in which places are of one surface; that tell its side
+LEAST_TURN = 1e-6  # of neighbours, for a graph whose edges are not 0
 LEAST_IN_CYLINDER = 8  # in a cylinder
 LEAST_FRAMES = 3  # or single points: the plane takes up two of them along the motion
 LEAST_LEVERAGE = 0.5  # of the intercept: beyond, points lie all to one side of the axis
@@ -69,16 +71,34 @@ def surfels(surface: Surface, spacing_mm: float, radius_mm: float) -> Surfels:
 
 
 def outwards(normal: Float, centre: Float, flat: Bool, range_axis: Float | None) -> Float:
-    """Normals (c, 3) turned to the side from which a convex edge is seen.
+    """Normals (c, 3) turned outwards: away from the middle of a convex body, summed over what belongs together.
 
-    Away from the middle of a convex body is outside. Summed over all places this gives the direction of view, or which
-    sense of the profiler's range axis it is, and each normal is turned towards that.
+    A scanner sees all places from one side, so that with a range axis this tells its sense. Without one each normal
+    follows its neighbours', around edges too, over those that turn least (H. Hoppe et al., Surface reconstruction from
+    unorganized points, SIGGRAPH 1992): a part may be seen from all sides.
     """
     use = flat if flat.any() else np.ones(len(normal), bool)
-    away = ((centre - centre[use].mean(axis=0)) * normal).sum(axis=1)
-    guess = (np.sign(away)[:, None] * np.abs(away)[:, None] * normal)[use].sum(axis=0)
-    view = guess if range_axis is None else range_axis * (1.0 if range_axis @ guess >= 0 else -1.0)
-    return np.asarray(normal * np.where(normal @ view >= 0, 1.0, -1.0)[:, None])
+    away = centre - centre[use].mean(axis=0)
+    if range_axis is not None:
+        guess = ((away * normal).sum(axis=1)[:, None] * normal)[use].sum(axis=0)
+        view = range_axis * (1.0 if range_axis @ guess >= 0 else -1.0)
+        return np.asarray(normal * np.where(normal @ view >= 0, 1.0, -1.0)[:, None])
+    tree = scipy.spatial.cKDTree(centre)
+    apart, near = tree.query(centre, min(NEIGHBOURS, len(centre)))
+    joined = (apart <= JOINED * np.median(apart[:, 1:2])) & (apart > 0.0)
+    one, other = np.nonzero(joined)[0], near[joined]
+    cosine = (normal[one] * normal[other]).sum(axis=1)
+    graph = scipy.sparse.coo_array((1.0 + LEAST_TURN - np.abs(cosine), (one, other)), (len(normal),) * 2)
+    least = scipy.sparse.csgraph.minimum_spanning_tree(graph.tocsr())
+    count, piece = scipy.sparse.csgraph.connected_components(least, directed=False)
+    sign = np.ones(len(normal))
+    for k in range(count):
+        order, before = scipy.sparse.csgraph.breadth_first_order(least, int(np.argmax(piece == k)), directed=False)
+        for at in order[1:]:
+            sign[at] = sign[before[at]] * (1.0 if normal[at] @ normal[before[at]] >= 0.0 else -1.0)
+        outside = (away[order] * normal[order]).sum(axis=1) * sign[order]
+        sign[order] *= 1.0 if outside[use[order]].sum() >= 0.0 else -1.0
+    return np.asarray(normal * sign[:, None])
 
 
 Target = Callable[[Float], tuple[Float, Float]]  # points (n, 3) -> feet (n, 3) and outward normals (n, 3); NaN: none

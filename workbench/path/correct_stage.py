@@ -194,7 +194,7 @@ def correct(
         comes=comes,
         part=inspection.part,
         reason=_reason(shift, made, turn, by, tilt, finish.cutting),
-        batch=with_part(before, finish.arc_length_mm, s, [(lies, both[0]), (angle_off, both[1])]),
+        batch=with_part(before, finish.arc_length_mm, s, [(lies, both[0]), (angle_off, both[1])], toolpath),
         warnings=finishing.warnings
         + ((others,) if others else ())
         + _another_part(toolpath.part, inspection.part)

@@ -116,10 +116,12 @@ def _check_advance(layer: Layer, where: str) -> None:
 
 
 def _poses(points: list[Any] | list[TravelPoint]) -> dict[str, Float]:
-    """Positions, unit quaternions and feeds of points."""
+    """Positions, unit quaternions and feeds of points; q and -q are one rotation: each follows the one before."""
+    turns = unit(np.array([point.quaternion_wxyz for point in points]))
+    flips = np.where((turns[1:] * turns[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
     return {
         "position_mm": np.array([point.position_mm for point in points]),
-        "quaternion_wxyz": unit(np.array([point.quaternion_wxyz for point in points])),
+        "quaternion_wxyz": turns * np.cumprod(np.append(1.0, flips))[:, None],
         "feed_mm_s": np.array([point.feed_mm_s for point in points]),
     }
 

@@ -217,6 +217,7 @@ def correction_document(found: PathCorrection) -> dict[str, Any]:
             "bevel_deg": found.bevel / DEG,
             "scatter_mm": found.batch.shift_scatter_mm,
             "scatter_deg": found.batch.turn_scatter / DEG,
+            **found.batch.shared,
         },
         "stations": [dict(zip(columns, row, strict=True)) for row in rows],
         "checks": [dataclasses.asdict(check) for check in found.checks],

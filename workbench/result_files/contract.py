@@ -498,6 +498,12 @@ class BatchRow(Row):
     bevel_deg: Number
     scatter_mm: Unknown
     scatter_deg: Unknown
+    part_ids: list[str] = Field(default_factory=list)
+    place_mm: Vector | None = Field(default=None, description="middle of the edge in the base")
+    normal: Vector | None = Field(default=None, description="of the bevel face in its middle, in the base")
+    cutter_diameter_mm: Unknown = None
+    robot: str | None = None
+    robot_serial: str | None = None
 
 
 class CorrectionFile(PartFile):

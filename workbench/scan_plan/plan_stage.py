@@ -36,7 +36,7 @@ from workbench.geometry.moves import runs
 from workbench.geometry.poses import pose_from, quaternion_from_rotation
 from workbench.result_files import ScanPlanFile, SensorFile
 from workbench.result_files.scan_plan import plan_id
-from workbench.robot import Cell
+from workbench.robot import Cell, within_margins
 from workbench.scan import read_hand_eye
 from workbench.scan_plan.edges import modelled, read_edge
 from workbench.scan_plan.information import (
@@ -367,7 +367,7 @@ def planned(task: Task, place: Cell | None, unchecked: tuple[str, ...] = ()) -> 
         raise InputError("scan.plan", f"this joint cannot be measured with this sensor: {why}")
     tables = [0.0]
     if place is not None and place.turntable is not None and not place.turntable.slides:
-        low, high = place.turntable.limits
+        low, high = within_margins(place).axes[-1].limits
         tables = [one * DEG for one in TABLES_DEG if low <= one * DEG <= high]
     examiner = None if place is None else Examiner(place)
     learned: list[Learned] = []  # at any angle: what faces and rounding leave open does not turn with the table

@@ -90,6 +90,16 @@ def test_a_cause_tells_nothing_of_the_machine(recording: str, cause: str, shown:
     assert without_folders(cause, recording) == shown
 
 
+def test_a_recording_that_is_copied_is_told() -> None:
+    parts = [
+        part(name, [1.5, 1.5], inputs=({"name": "recording", "path": name, "sha256": digest, "version": None},))
+        for name, digest in ("a1", "b1", "c2")
+    ]
+    text = page(parts, "")
+    assert text.count("the same recording as") == 2
+    assert "the same recording as b, byte for byte" in text
+
+
 def test_the_page_needs_nothing_else() -> None:
     parts = [part(f"p{i}", [1.5 + 0.01 * (i % 5), 1.4]) for i in range(30)]
     made = Elements(page(parts, "Fleet"))

@@ -210,6 +210,7 @@ def test_a_pass_rests_on_what_could_carry_it_out_of_its_limits(
     assert found.reason.startswith("pass, provided that") == holds
     accepted = sections(replace(edge(), unseen=(unseen,)), **asked, accept_conditions=(unseen.name,))
     assert accepted.verdict == "pass"
+    assert accepted.reason.endswith(f"; accepted by name: {unseen.name}") == holds
     assert any(one.startswith("accepted by name") for one in accepted.warnings) == holds
 
 

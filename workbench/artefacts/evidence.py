@@ -32,6 +32,9 @@ COSTS |= {"gap_mm": ("gap", " mm"), "depth_mm": ("depth", " mm"), "width_mm": ("
 COSTS |= {"included_deg": ("included angle", "°")}
 
 
+ACCEPTED = "accepted by name"  # how a verdict begins what its pass rests on
+
+
 @dataclass(frozen=True, slots=True)
 class Unseen:
     """What a recording does not show of itself, and what it may cost its values: where any is known, others nothing.

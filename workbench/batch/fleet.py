@@ -6,7 +6,9 @@ import io
 import itertools
 import math
 import re
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import PurePosixPath, PureWindowsPath
 from typing import Any, NamedTuple
 from urllib.parse import quote
@@ -17,7 +19,7 @@ from workbench import __version__
 from workbench.artefacts import u_name
 from workbench.artefacts.edges import ALL_TERMS, BEVEL_TERMS, named, required_in_file
 from workbench.batch.control import LEAST, RULES, Capability, ControlChart, capability, individuals
-from workbench.batch.part import OUTCOMES, Record
+from workbench.batch.part import OUTCOMES, RECORDING, Record
 from workbench.errors import one_line
 from workbench.extras import Extra
 from workbench.marks import LIMIT, MEASURED, REJECTED, TOLERANCE
@@ -25,6 +27,7 @@ from workbench.pieces import BLUE, GREEN, GREY, INK, ORANGE, SKY
 from workbench.plot import Axes, Figure
 from workbench.units import COVERAGE, Float, Int, Shaped
 
+COPIED = "the same recording as {}, byte for byte: each counts as a part"
 ROWS = 2000  # parts in the table of the page; the rest are in fleet.parquet
 SHOWN = 25  # of them at once; the others unfold
 SIGNALS = 60  # of run rules in the page
@@ -62,6 +65,7 @@ def page(records: Sequence[Record], title: str) -> str:
     from workbench.report.text import source
     from workbench.templates import environment
 
+    records = with_copies(records)
     found = characteristics(records)
     margin, section = least_margin(found) if found else (np.full(len(records), np.nan), np.full(len(records), -1))
     places = {record.part: i for i, record in enumerate(records)}
@@ -109,6 +113,22 @@ def row(record: Record, place: int, margin: Any, section: Any) -> dict[str, Any]
         "section": "" if section[place] < 0 else str(section[place] + 1),
         "cause": without_folders(one_line(record.cause), record.recording),
     }
+
+
+def with_copies(records: Sequence[Record]) -> list[Record]:
+    """The records, each with the parts whose recording is the same byte for byte in its cause: they count each."""
+    parts = defaultdict[str, list[str]](list)
+    for one in records:
+        for given in one.inputs:
+            if given["name"] == RECORDING and given["sha256"]:
+                parts[given["sha256"]].append(one.part)
+    same = {part: [other for other in all_ if other != part] for all_ in parts.values() for part in all_}
+    return [
+        one
+        if not same.get(one.part)
+        else replace(one, cause="; ".join(filter(None, [one.cause, COPIED.format(", ".join(same[one.part]))])))
+        for one in records
+    ]
 
 
 def _statistics(records: Sequence[Record], found: Sequence[Characteristic]) -> Mapping[str, Any]:

@@ -18,6 +18,7 @@ from typing import Any, Literal, Protocol
 from pydantic import ValidationError
 
 from workbench.artefacts import Gate, JointInspection, Recording
+from workbench.artefacts.evidence import ACCEPTED
 from workbench.batch.store import copied, is_remote, local_path, remote, version_token, write_file
 from workbench.errors import InputError, OutputError, WorkbenchError, one_line
 from workbench.pipeline.document import Copied, PipelineDocument
@@ -49,7 +50,7 @@ class Record:
     part: str
     recording: str  # as given
     outcome: Outcome
-    cause: str = ""  # why it was rejected, or has no results
+    cause: str = ""  # why it was rejected, or has no results; what its pass rests on
     part_id: str | None = None  # free text out of the recording
     identity: Mapping[str, Any] = field(default_factory=dict)  # part, people, instruments, as in inspection.json
     verdict: str | None = None  # of the inspection, where the pipeline has one
@@ -88,6 +89,8 @@ def record_of(part: str, recording: str, checked: Plan, results: Results, files:
     read = next((one for one in results if isinstance(one, Recording)), None)
     said = "; ".join(one.cause for one in results if isinstance(one, Gate) and not one.clean)
     judged: dict[str, Any] = {}
+    if inspection and not said and ACCEPTED in inspection.reason:
+        said = inspection.reason[inspection.reason.index(ACCEPTED) :]
     if inspection:
         judged = {
             "verdict": inspection.verdict,

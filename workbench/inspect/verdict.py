@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 import numpy as np
 
 from workbench.artefacts import Part, Quantity, Section, Uncertainty, Unseen, Verdict, conformity
+from workbench.artefacts.evidence import ACCEPTED
 from workbench.units import COVERAGE
 
 RANK: dict[Verdict, int] = {"pass": 0, "undecided": 1, "fail": 2}
@@ -94,9 +95,11 @@ def of_the_part(
         return verdict, reason, (), ()
     rests_on = conditions(unseen, sections, required, guard_factor)
     left = tuple(one for one in rests_on if one.name not in accepted)
-    notes = tuple(f"accepted by name, {one.name}: {one.told}" for one in rests_on if one not in left)
+    known = [one for one in rests_on if one not in left]
+    notes = tuple(f"{ACCEPTED}, {one.name}: {one.told}" for one in known)
     if not left:
-        return verdict, reason, (), notes
+        named = f"; {ACCEPTED}: {', '.join(one.name for one in known)}" if known else ""
+        return verdict, reason + named, (), notes
     return "undecided", PROVIDED.format(" ".join(one.told for one in left)), left, notes
 
 

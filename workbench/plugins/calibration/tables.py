@@ -76,7 +76,7 @@ def ways(what: str, lines: tuple[int, ...], **by: Float) -> list[Course]:
     return [even(what, lines), *(Course.of(way, words, 0.25, len(cuts)) for way, words in cuts)]
 
 
-def told(found: estimator.Fit[Any], courses: Iterable[Course], along: Float | None = None) -> Course | None:
+def likeliest(found: estimator.Fit[Any], courses: Iterable[Course], along: Float | None = None) -> Course | None:
     """The likeliest of what may move, along directions (3, d) of its unknowns; None: all is at rest."""
 
     def chance(one: Course) -> float:

@@ -41,6 +41,7 @@ from workbench.plugins.calibration.tables import (
     fit_fields,
     fit_words,
     lever_noise,
+    likeliest,
     noisy,
     not_included,
     poses,
@@ -48,7 +49,6 @@ from workbench.plugins.calibration.tables import (
     results,
     rms_mm,
     sentence,
-    told,
     ways,
 )
 from workbench.plugins.calibration.values import SphereProfiles
@@ -152,8 +152,8 @@ def tcp(
     labels = estimator.Labels(str(touches), every.lines, ask=ASKED)
     begun = _begun(every, noise)
     touching, start = _Touching(every, noise), begun
-    bends = Course(touching.bent(begun)[..., None], BENDS, ask=STIFF)
-    course = told(estimator.sound(touching, begun), (*ways("the references", every.lines), bends))
+    bends = Course(touching.by_weight(begun)[..., None], BENDS, ask=STIFF)
+    course = likeliest(estimator.sound(touching, begun), (*ways("the references", every.lines), bends))
     if course is not None:
         start = np.append(begun, np.zeros(course.change.shape[2]))
     found, left_out = estimator.without_blunders(_Touching(every, noise, course=course), start, labels)
@@ -179,18 +179,6 @@ def tcp(
         but=[UNSAID] if believed else (),
     )
     warnings = tuple(left_out.values()) + apart + believed + exchanged
-    causes = {
-        f"a tool that gives way to its weight by {BEND_MM:g} mm where it lies level": BEND_MM * touching.bent(begun),
-        LONGER: LENGTHS * touching.position,
-    }
-
-    def sized(change: Float) -> tuple[str, float]:
-        moved = change[:t].reshape(-1, 3)
-        size = np.linalg.norm(moved, axis=1)
-        times = [estimator.times_u(away, one) for one, away in zip(of, moved, strict=True)]
-        k = int(np.argmax(times))
-        return f"the tool point '{names[k]}' by {size[k]:.3f} mm", times[k]
-
     document = {
         "frame": "flange",
         "points": [
@@ -204,7 +192,7 @@ def tcp(
         ],
         "residual_rms_mm": rms_mm(found.rows.residual[found.used]),
         "touches": int(found.used.sum()),
-        "not_included": not_included(found, causes, sized),
+        "not_included": _not_included(found, touching, of, names),
         **fit_fields(found, left_out, verdict, warnings),
     }
     head = ("Tool point", "x, mm", "y, mm", "z, mm", "u, least certain direction, mm")
@@ -212,6 +200,25 @@ def tcp(
     axis_words = "" if axis is None else f"Axis: u = {axis['u_deg']:.3f}° about the least certain direction. "
     html = pieces.table_html(head, rows) + pieces.paragraph(f"{axis_words}{fit_words(found)} {sentence(verdict[1])}")
     return results(ToolFile, "Tool calibration", UNKNOWN_PART.with_names(part), document, html)
+
+
+def _not_included(
+    found: estimator.Fit[Float], touching: _Touching, of: list[Float], names: tuple[str, ...]
+) -> list[str]:
+    """What no touch need show, by the tool point that it would change most; of: covariances (3, 3) of these."""
+    causes = {
+        f"a tool that gives way to its weight by {BEND_MM:g} mm where it lies level": BEND_MM
+        * touching.by_weight(found.at),
+        LONGER: LENGTHS * touching.position,
+    }
+
+    def sized(change: Float) -> tuple[str, float]:
+        moved = change[: 3 * len(names)].reshape(-1, 3)
+        times = [estimator.times_u(away, one) for one, away in zip(of, moved, strict=True)]
+        k = int(np.argmax(times))
+        return f"the tool point '{names[k]}' by {np.linalg.norm(moved[k]):.3f} mm", times[k]
+
+    return not_included(found, causes, sized)
 
 
 def with_scanned(touches: Touches, path: InputFile, scanner: Scanner) -> Touches:
@@ -320,7 +327,7 @@ class _Touching:
         """The tool points (n, 3) in the flange, mm."""
         return np.asarray(x[: 3 * self.tools].reshape(-1, 3)[self.tool_point])
 
-    def bent(self, x: Float) -> Float:
+    def by_weight(self, x: Float) -> Float:
         """Change (n, 3) of the touches by a tool that gives way to its weight by 1 mm where it lies level.
 
         It gives way across its axis, or where a single point tells none, across the way from the flange.

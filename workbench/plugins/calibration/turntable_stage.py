@@ -42,13 +42,13 @@ from workbench.plugins.calibration.tables import (
     even,
     fit_fields,
     fit_words,
+    likeliest,
     noisy,
     not_included,
     refuse_open,
     results,
     rms_mm,
     sentence,
-    told,
     ways,
 )
 from workbench.plugins.calibration.values import SphereProfiles
@@ -282,7 +282,7 @@ def _as_noisy(table: _Turning) -> tuple[_Turning, Axis]:
     sound = estimator.sound(table, table.begun())
     # asked for where angles err as stated: larger errors of a few would explain a drift as well
     courses = ways(MARKERS, table.marks.lines, angle_deg=table.marks.angle / DEG)
-    course = told(sound, courses, sound.at.frame[:2].T)
+    course = likeliest(sound, courses, sound.at.frame[:2].T)
     angle = table.marks.angle - table.marks.angle.mean()
     scaled = (table.sway(sound.at) * angle[:, None])[..., None]  # angles of another scale are no noise
 

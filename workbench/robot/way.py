@@ -47,6 +47,7 @@ MOST_TURN = 170 * DEG  # of a move's orientation: beyond it, controllers may tak
 BLENDING_JOINTS = "a joint move that blends: its way depends on the controller; expected a stop before and after it"
 TURN_SPEED = 50 * DEG  # rad/s where the orientation alone moves, and of the turntable where a program does not say
 STEP_MM, STEP_TURN, STEP_JOINT = 5.0, 2.0 * DEG, 4.0 * DEG  # of the first look; what it leaves open is looked at nearer
+TOO_FAST = "times its largest"  # of a joint whose speed or acceleration does not suffice
 ROUNDING = 1e-6  # of a share
 
 
@@ -486,4 +487,4 @@ def worst(cell: Cell, asked: Float, kind: str) -> tuple[int, str] | None:
     i, joint = np.unravel_index(int(asked.argmax()), asked.shape) if asked.size else (0, 0)
     if not asked.size or asked[i, joint] <= 1 + ROUNDING:
         return None
-    return int(i), f"{axis_name(cell, int(joint))} would need {asked[i, joint]:.2f} times its largest {kind}"
+    return int(i), f"{axis_name(cell, int(joint))} would need {asked[i, joint]:.2f} {TOO_FAST} {kind}"

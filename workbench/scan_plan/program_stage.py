@@ -19,6 +19,7 @@ from workbench.robot import Cell, forward_kinematics, sliding
 from workbench.robot.cell_file import ProcessPart, Signal, SpindlePart
 from workbench.robot.collision import outermost
 from workbench.robot.makers import MAKERS, Make
+from workbench.robot.way import TOO_FAST
 from workbench.scan_plan.plan_stage import ScanPass, ScanPlan
 from workbench.scan_plan.reach import BODY, Examiner
 from workbench.stage import stage
@@ -132,6 +133,8 @@ def _joined(gates: list[PathGate]) -> Gate:
         return tuple(dict.fromkeys(text for gate in gates for text in getattr(gate, name)))
 
     reasons = [f"pass {k}: {gate.reason}" for k, gate in enumerate(gates, 1)]
+    if any(TOO_FAST in one for one in reasons):
+        reasons.append("scan.plan.most_speed_mm_s plans it slower")
     return Gate(all(gate.passed for gate in gates), "; ".join(reasons), every("loosened"), every("unchecked"))
 
 

@@ -61,6 +61,20 @@ def test_material_on_the_back_of_a_part_stands_out() -> None:
     assert (outwards[np.isfinite(found.distance_mm)] > 0.5).all()
 
 
+def test_both_sides_of_a_sheet_whose_end_faces_nobody_saw_stand_out() -> None:
+    rng = np.random.default_rng(5)
+
+    def sheet(more_mm: float) -> Surface:
+        side, points = rng.integers(0, 2, 12_000) * 2.0 - 1.0, rng.uniform(-0.5, 0.5, (12_000, 3)) * [30.0, 20.0, 0.0]
+        points[:, 2] = side * (4.0 + more_mm) + rng.normal(0.0, 0.005, side.size)
+        return Surface(points + AT, source="sheet")
+
+    found, _, _ = deviation(sheet(0.05), sheet(0.0), position_u_mm=0.0)
+    on = np.isfinite(found.distance_mm)
+    assert found.distance_mm[on] == pytest.approx(0.05, abs=0.02)
+    assert (found.normal * (found.position_mm - AT))[on, 2].min() > 0.0
+
+
 @pytest.mark.slow
 def test_level_of_detection_covers() -> None:
     """Over 10 parts on which nothing changed about 5 % of the places lie beyond their level, frames' noise or not."""

@@ -12,7 +12,7 @@ import pytest
 from tests.path.conftest import Raw
 from tests.report.test_sensitivity import ROBOT, TABLE, TOOL
 from workbench.api import rotation_from_quaternion
-from workbench.artefacts import Layer, MeasuredAxis, RawEdge, Toolpath, Travel
+from workbench.artefacts import Layer, MeasuredAxis, Part, RawEdge, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.path import check, feed, layers
 from workbench.units import DEG, Float
@@ -300,6 +300,12 @@ def test_tool_turntable_and_robot_count_in_what_the_place_is_known_to(raw, tmp_p
     }
     path = layers(scan.edge, scan.cloud, tool=tool, turntable=table, robot_calibration=robot, robot_accuracy_mm=0.5)
     assert path.chain.place_mm == pytest.approx(0.13)  # the file's 0.12 mm, not what was typed
+    for name, file in (("tool", TOOL), ("turntable", TABLE), ("robot_calibration", ROBOT)):
+        theirs = file.model_copy(update={"part": Part(robot_serial="R2")})
+        (tmp_path / "other.json").write_text(theirs.model_dump_json())
+        own = replace(scan.edge, part=replace(scan.edge.part, robot_serial="R1"))
+        with pytest.raises(InputError, match="expected the recording's robot, 'R1', found 'R2'"):
+            layers(own, scan.cloud, **{name: tmp_path / "other.json"})
     vague = TOOL.points[0].model_copy(update={"u_mm": 0.3})
     tool.write_text(TOOL.model_copy(update={"points": [vague], "axis": None}).model_dump_json())
     with pytest.raises(InputError, match=r"known well enough on 0 % .* with tool known to 0.3 mm and 0.05 deg"):

@@ -99,7 +99,7 @@ def test_the_calibration_of_another_instrument_is_refused(recording: Recording, 
         dataclasses.replace(recording, part=dataclasses.replace(recording.part, **{f"{what}_serial": serial}))
         for serial in ("AAA", "BBB", None)
     )
-    with pytest.raises(InputError, match=f"calibrates the {what} of serial number 'AAA', the recording is of 'BBB'"):
+    with pytest.raises(InputError, match=f"expected the recording's {what}, 'BBB', found 'AAA'"):
         fuse(other, hand_eye=path)
     assert fuse(own, hand_eye=path).part.hand_eye == fuse(unknown, hand_eye=path).part.hand_eye == "handeye.json"
 

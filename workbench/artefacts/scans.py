@@ -71,7 +71,7 @@ class HandEye:
         None  # tx ty tz mm, rotation vector rad in the flange frame; R_true = exp(w) R
     )
     source: str = ""
-    part: Part = UNKNOWN_PART  # sensor, robot and date of its calibration
+    calibrated_at: str | None = None  # ISO 8601
     volume_u_mm: float | None = None  # predicted RMS error of a point over the field of view
     sensor_scale: tuple[float, float] = (1.0, 1.0)  # of the profiler's x and z: measured over true, ...
     sensor_middle_mm: tuple[float, float] = (0.0, 0.0)  # ... about this place, which stays

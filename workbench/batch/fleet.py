@@ -6,7 +6,6 @@ import io
 import itertools
 import math
 import re
-from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import PurePosixPath, PureWindowsPath
@@ -27,7 +26,7 @@ from workbench.pieces import BLUE, GREEN, GREY, INK, ORANGE, SKY
 from workbench.plot import Axes, Figure
 from workbench.units import COVERAGE, Float, Int, Shaped
 
-COPIED = "the same recording as {}, byte for byte: each counts as a part"
+COPIED = "the same recording as {}, byte for byte, and counted again"
 ROWS = 2000  # parts in the table of the page; the rest are in fleet.parquet
 SHOWN = 25  # of them at once; the others unfold
 SIGNALS = 60  # of run rules in the page
@@ -45,7 +44,8 @@ class Study(NamedTuple):
 
 def fleet_files(records: Sequence[Record], title: str) -> dict[str, bytes]:
     """`fleet.html` and `fleet.parquet` of all parts, in the order given."""
-    return {"fleet.html": page(records, title).encode(), "fleet.parquet": parquet(records)}
+    told = with_copies(records)
+    return {"fleet.html": page(told, title).encode(), "fleet.parquet": parquet(told)}
 
 
 def study(what: Characteristic) -> Study:
@@ -65,7 +65,6 @@ def page(records: Sequence[Record], title: str) -> str:
     from workbench.report.text import source
     from workbench.templates import environment
 
-    records = with_copies(records)
     found = characteristics(records)
     margin, section = least_margin(found) if found else (np.full(len(records), np.nan), np.full(len(records), -1))
     places = {record.part: i for i, record in enumerate(records)}
@@ -116,19 +115,14 @@ def row(record: Record, place: int, margin: Any, section: Any) -> dict[str, Any]
 
 
 def with_copies(records: Sequence[Record]) -> list[Record]:
-    """The records, each with the parts whose recording is the same byte for byte in its cause: they count each."""
-    parts = defaultdict[str, list[str]](list)
+    """The records; one whose recording is that of a part before, byte for byte, says so in its cause."""
+    first, found = dict[str, str](), list[Record]()
     for one in records:
-        for given in one.inputs:
-            if given["name"] == RECORDING and given["sha256"]:
-                parts[given["sha256"]].append(one.part)
-    same = {part: [other for other in all_ if other != part] for all_ in parts.values() for part in all_}
-    return [
-        one
-        if not same.get(one.part)
-        else replace(one, cause="; ".join(filter(None, [one.cause, COPIED.format(", ".join(same[one.part]))])))
-        for one in records
-    ]
+        digest = next((given["sha256"] for given in one.inputs if given["name"] == RECORDING), None)
+        before = first.setdefault(digest, one.part) if digest else one.part
+        cause = [one.cause] * bool(one.cause) + [COPIED.format(before)] * (before != one.part)
+        found.append(replace(one, cause="; ".join(cause)))
+    return found
 
 
 def _statistics(records: Sequence[Record], found: Sequence[Characteristic]) -> Mapping[str, Any]:

@@ -83,17 +83,19 @@ def outwards(normal: Float, centre: Float, flat: Bool, range_axis: Float | None)
         guess = ((away * normal).sum(axis=1)[:, None] * normal)[use].sum(axis=0)
         view = range_axis * (1.0 if range_axis @ guess >= 0 else -1.0)
         return np.asarray(normal * np.where(normal @ view >= 0, 1.0, -1.0)[:, None])
-    tree = scipy.spatial.cKDTree(centre)
-    apart, near = tree.query(centre, min(NEIGHBOURS, len(centre)))
-    joined = (apart <= JOINED * np.median(apart[:, 1:2])) & (apart > 0.0)
+    sign = np.where((away * normal).sum(axis=1) >= 0.0, 1.0, -1.0)
+    if len(normal) < 2:
+        return normal * sign[:, None]
+    apart, near = scipy.spatial.cKDTree(centre).query(centre, min(NEIGHBOURS, len(centre)))
+    joined = (apart <= JOINED * np.median(apart[:, 1])) & (apart > 0.0)
     one, other = np.nonzero(joined)[0], near[joined]
-    cosine = (normal[one] * normal[other]).sum(axis=1)
-    graph = scipy.sparse.coo_array((1.0 + LEAST_TURN - np.abs(cosine), (one, other)), (len(normal),) * 2)
-    least = scipy.sparse.csgraph.minimum_spanning_tree(graph.tocsr())
-    count, piece = scipy.sparse.csgraph.connected_components(least, directed=False)
-    sign = np.ones(len(normal))
-    for k in range(count):
-        order, before = scipy.sparse.csgraph.breadth_first_order(least, int(np.argmax(piece == k)), directed=False)
+    turn = 1.0 + LEAST_TURN - np.abs((normal[one] * normal[other]).sum(axis=1))
+    graph = scipy.sparse.coo_array((turn, (one, other)), (len(normal),) * 2).tocsr()
+    least = scipy.sparse.csgraph.minimum_spanning_tree(graph)
+    piece = scipy.sparse.csgraph.connected_components(least, directed=False)[1]
+    _, first, size = np.unique(piece, return_index=True, return_counts=True)
+    for root in first[size > 1]:
+        order, before = scipy.sparse.csgraph.breadth_first_order(least, int(root), directed=False)
         for at in order[1:]:
             sign[at] = sign[before[at]] * (1.0 if normal[at] @ normal[before[at]] >= 0.0 else -1.0)
         outside = (away[order] * normal[order]).sum(axis=1) * sign[order]

@@ -49,7 +49,7 @@ class TrackedFaces:
     end_column: Shaped[Int, " N"]  # that return's column, counted towards the lower side
     end_is_mixed: Shaped[Bool, " N"]  # the next column saw both the root face and what lies behind it
     end_is_cut: Shaped[Bool, " N"]  # the field of view, or something in front, ends the root face: its size is not seen
-    end_is_burred: Shaped[Bool, " N"]  # the surface rises out of the root face beyond its end: reported, no more
+    end_is_burred: Shaped[Bool, " N"]  # the surface rises out of the root face beyond its end: that turns its line
     end_is_corner: Shaped[Bool, " N"]  # the lower surface is seen and joins the root face; or what the plate lies on
     lies_on: Shaped[Bool, " N"]  # that is what the plate lies on
     labels: Shaped[AnyArray, "N M"]  # uint8

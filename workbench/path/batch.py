@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 MAX_BYTES = 2**26
 SAME_MM, SAME_DEG = 2.0, 0.01  # by which plans of one drawing may differ in length and allowance, and in the bevel
-TURNED_DEG, AWAY_MM = 10.0, 100.0  # by which a part may stand elsewhere than those before it
+TURNED_DEG, AWAY_MM = 5.0, 100.0  # by which a part may stand elsewhere than those before it
 SURE = math.erf(3.0 / math.sqrt(2.0))  # a cut that is farther from the others than chance makes it so often is another
 
 
@@ -74,15 +74,14 @@ def known_batch(path: Path, toolpath: Toolpath) -> Batch:
 def shared_by(toolpath: Toolpath, before: Sequence[str]) -> dict[str, Any]:
     """What parts of a batch have in common, by this one's path; before: the ids of those before it."""
     layer, part = toolpath.layers[-1], toolpath.part
-    place = toolpath.in_base(layer.position_mm)
-    axes = rotation_from_quaternion(layer.quaternion_wxyz)
+    middle = [len(layer.arc_length_mm) // 2]
+    normal = -rotation_from_quaternion(layer.quaternion_wxyz[middle])[0, :, 0]
     if toolpath.base_from_workobject is not None:
-        axes = toolpath.base_from_workobject[:3, :3] @ axes
-    normal = -axes[:, :, 0].mean(axis=0)
+        normal = toolpath.base_from_workobject[:3, :3] @ normal
     return {
         "part_ids": [*before, *([part.part_id] if part.part_id else [])],
-        "place_mm": place.mean(axis=0).tolist(),
-        "normal": (normal / max(float(np.linalg.norm(normal)), 1e-9)).tolist(),
+        "place_mm": toolpath.in_base(layer.position_mm[middle])[0].tolist(),
+        "normal": normal.tolist(),
         "cutter_diameter_mm": toolpath.cutter.diameter_mm,
         "robot": part.robot,
         "robot_serial": part.robot_serial,

@@ -107,12 +107,12 @@ def correct(
         yield_share: deflection of cutter and robot as a share of the stock's height, if not predicted.
         wear_mm: loss of the cutter's radius between first cut and finishing pass; 0 if changed or measured.
         most_moved_mm: greatest distance of the lower edge from that of the first scan.
-        earlier: the correction.json of the previous part of the batch: repeating errors are estimated from all parts;
-            null: from this one.
+        earlier: the correction.json of the previous part of the batch, in the same fixture, by the same robot and
+            cutter: repeating errors are estimated from all parts; null: from this one.
 
     Raises:
         InputError: a path without a finishing pass, an inspection of another edge, a prediction of another path;
-            earlier parts of another length, bevel or allowance.
+            earlier parts of another length, bevel or allowance, fixture, robot or cutter.
 
     Example:
         >>> from workbench import edge, inspect, path, scan, twin

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import ChainU, Cloud, Cutter, Layer, MeasuredAxis, RawEdge, Toolpath
+from workbench.artefacts import ChainU, Cloud, Cutter, Layer, MeasuredAxis, Part, RawEdge, Toolpath
 from workbench.errors import InputError
 from workbench.path.course import Bevel, Course, bevel_of, edge_course, layer_heights, raised, under, upper_bevel
 from workbench.path.obstacles import Lift
@@ -126,7 +126,7 @@ def layers(
     if upper is None and mill == "upper":
         raise InputError("mill", "'upper' expects upper_bevel_deg and lower_bevel_mm: a compound bevel has both")
     bevel = lower if upper is None or mill == "lower" else upper
-    chain = chain_u(tool, turntable, robot_calibration, robot_accuracy_mm)
+    chain = chain_u(edge.part, tool, turntable, robot_calibration, robot_accuracy_mm)
     counts = None if finish_allowance_mm > 0.0 else chain  # a measured cut shows what these do
     air, points = Air(clearance_mm, side_clearance_mm, ramp_mm, lead_mm), key_points(length, lead_mm)
 
@@ -229,24 +229,26 @@ def _reason(plan: Plan, a: float, b: float) -> str:
 UNKNOWN_AXIS_DEG = 0.05  # u of a tool's axis that was not measured: a spindle's mounting, as in report.sensitivity
 
 
-def chain_u(tool: Path | None, turntable: Path | None, robot: Path | None, robot_mm: float) -> ChainU | None:
+def chain_u(
+    part: Part, tool: Path | None, turntable: Path | None, robot: Path | None, robot_mm: float
+) -> ChainU | None:
     """What the files of tool, turntable and robot state, or else the robot's accuracy; None: nothing.
 
     Raises:
-        InputError: a file that is none of its kind.
+        InputError: a file that is none of its kind, or of another robot than the part's recording.
     """
     axes = {}
     if tool is not None:
-        declared = ToolFile.read(tool)
+        declared = ToolFile.read_for(tool, part)
         tip, axis = declared.points[0], declared.axis
         along, turn_deg = (None, UNKNOWN_AXIS_DEG) if axis is None else (axis.direction, axis.u_deg)
         axes["tool"] = MeasuredAxis(tip.position_mm, along, tip.u_mm, turn_deg)
     if turntable is not None:
-        table = TurntableFile.read(turntable)
+        table = TurntableFile.read_for(turntable, part)
         axes["turntable"] = MeasuredAxis(table.axis_point_mm, table.axis_direction, table.u_mm, table.direction_u_deg)
     parts = {name: (one.u_mm, one.u_deg) for name, one in axes.items()}
     if robot is not None:
-        parts["robot"] = RobotFile.read(robot).u_mm, 0.0
+        parts["robot"] = RobotFile.read_for(robot, part).u_mm, 0.0
     elif robot_mm > 0.0:
         parts["robot"] = robot_mm, 0.0
     if not parts:

@@ -222,13 +222,13 @@ def sensitivity(
     sensor_mm, sensor_deg = _of_edge(edge, bevel)
     tool_from, table_from, robot_from = "given", "given", "given"
     if tool is not None:
-        declared, tool_from = ToolFile.read(tool), CALIBRATED
+        declared, tool_from = ToolFile.read_for(tool, toolpath.part), CALIBRATED
         tool_mm, tool_deg = declared.points[0].u_mm, tool_deg if declared.axis is None else declared.axis.u_deg
     if turntable is not None:
-        table, table_from = TurntableFile.read(turntable), CALIBRATED
+        table, table_from = TurntableFile.read_for(turntable, toolpath.part), CALIBRATED
         turntable_mm, turntable_deg = table.u_mm, table.direction_u_deg
     if robot_calibration is not None:
-        robot_accuracy_mm, robot_from = RobotFile.read(robot_calibration).u_mm, CALIBRATED
+        robot_accuracy_mm, robot_from = RobotFile.read_for(robot_calibration, toolpath.part).u_mm, CALIBRATED
     reach = float(np.linalg.norm(toolpath.in_base(toolpath.layers[-1].position_mm), axis=1).mean())
     warm, drifts = thermal_mm(temperature_k, reach), thermal_mm(drift_k, reach)
     # The correction's own mean rests on one run of the robot: what that run did by chance goes into the next.

@@ -117,6 +117,26 @@ class PartFile(ResultFile):
 
     part: Part = Field(default=UNKNOWN_PART, description="null: unknown; absent in files of earlier versions")
 
+    @classmethod
+    def read_for(cls, path: Path, part: Part) -> Self:
+        """What a file says of the sensor and the robot that made a part's recording.
+
+        Raises:
+            InputError: as `read`, or both say which theirs is, and it is another.
+        """
+        found = cls.read(path)
+        for what, own, other in (
+            ("sensor", part.sensor_serial, found.part.sensor_serial),
+            ("robot", part.robot_serial, found.part.robot_serial),
+        ):
+            if own and other and own != other:
+                raise InputError(
+                    f"{path}: $.part.{what}_serial",
+                    f"expected the recording's {what}, '{own}', found '{other}': the {cls.NAME} of another cell, from "
+                    "before an exchange, or a serial number mistyped?",
+                )
+        return found
+
 
 def _refusal(error: ValidationError, document: Mapping[str, Any], path: Path, model: type[ResultFile]) -> InputError:
     """The first thing that is wrong: its place, what was expected, and the nearest known name."""
@@ -392,14 +412,14 @@ class HandEyeFile(PartFile):
     warnings: list[str] = Field(default_factory=list)
 
     @classmethod
-    def hand_eye(cls, path: Path) -> HandEye:
-        """The pose of a file, its covariance where it gives one, and the profiler's scales.
+    def hand_eye(cls, path: Path, part: Part = UNKNOWN_PART) -> HandEye:
+        """The pose of a file, its covariance where it gives one, and the profiler's scales, for a part's recording.
 
         Raises:
-            InputError: it is no such file, has a key that may be a known one misspelt, or its translation or angles
-                are not those of its pose.
+            InputError: it is no such file, of another sensor or robot, has a key that may be a known one misspelt, or
+                its translation or angles are not those of its pose.
         """
-        found, keys = cls.read(path), set(cls.model_fields)
+        found, keys = cls.read_for(path, part), set(cls.model_fields)
         for key in found.model_extra or {}:  # a covariance must not be lost without a word; other keys are free
             if difflib.get_close_matches(key, keys, n=1, cutoff=0.8):
                 raise InputError(f"{path}: $.{key}", f"unknown key{nearest(key, keys)}")
@@ -409,7 +429,7 @@ class HandEyeFile(PartFile):
         found._check_same_pose(path, pose)
         for said in found.warnings:
             warnings.warn(f"{path}: {said}", stacklevel=1)
-        return HandEye(pose, covariance, str(path), found.part, found.volume_u_mm, scale, middle)
+        return HandEye(pose, covariance, str(path), found.part.recorded_at, found.volume_u_mm, scale, middle)
 
     def _check_same_pose(self, path: Path, pose: Float) -> None:
         """A file that was edited in one place only says two poses."""

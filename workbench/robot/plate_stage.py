@@ -164,7 +164,7 @@ def plate(
     """
     if cell is None:
         return None
-    check_cutter(cell, toolpath)
+    _check_cutter(cell, toolpath)
     cell = _as_measured(_as_known(cell, cloud, toolpath), toolpath)
     if points is not None:
         seen, source = points.points_mm, points.source
@@ -194,7 +194,7 @@ def plate(
     )
 
 
-def check_cutter(cell: Cell, toolpath: Toolpath | None) -> None:
+def _check_cutter(cell: Cell, toolpath: Toolpath | None) -> None:
     """Refuse a path whose cutter is none of the cell's: the one that is in the spindle cuts deeper, or less."""
     round_ = [shape.size_mm[0] for shape in cell.shapes if shape.body == CONTACT[0] and shape.kind in ROUND]
     if toolpath is None or not round_:

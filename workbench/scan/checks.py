@@ -6,22 +6,22 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.artefacts import HandEye, Recording
+from workbench.artefacts import UNKNOWN_PART, HandEye, Part, Recording
 from workbench.errors import InputError
 from workbench.geometry.poses import RIGID, is_rigid
 from workbench.units import AnyArray, Float, Int
 
 
-def read_hand_eye(path: Path) -> HandEye:
+def read_hand_eye(path: Path, part: Part = UNKNOWN_PART) -> HandEye:
     """The pose of the profiler on the flange, and its covariance where the file gives one.
 
     Raises:
         InputError: no such file, not JSON, `flange_from_profiler` missing or not a proper rigid motion, `covariance`
-            not a symmetric positive semi-definite 6x6 matrix.
+            not a symmetric positive semi-definite 6x6 matrix; of another sensor or robot than the part's recording.
     """
     from workbench.result_files import HandEyeFile  # pydantic: loaded when there is something to read
 
-    return HandEyeFile.hand_eye(path)
+    return HandEyeFile.hand_eye(path, part)
 
 
 def recorded_hand_eye(recording: Recording) -> HandEye:

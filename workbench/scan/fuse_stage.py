@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from workbench.artefacts import Cloud, HandEye, Part, Recording
+from workbench.artefacts import Cloud, HandEye, Recording
 from workbench.checks import Limits, judged, refuse_failed
 from workbench.errors import InputError
 from workbench.geometry.poses import interpolate_poses, rotation_from_quaternion, vector_from_rotation
@@ -50,12 +50,11 @@ def fuse(
     """
     if recording.clock == "own":
         raise InputError(f"{recording.source}: /profiles", "expected times on the robot's clock, found clock 'own'")
-    calibration = read_hand_eye(hand_eye) if hand_eye is not None else recorded_hand_eye(recording)
-    _check_same_instruments(recording.part, calibration)
+    calibration = recorded_hand_eye(recording) if hand_eye is None else read_hand_eye(hand_eye, recording.part)
     part = dataclasses.replace(
         recording.part,
         hand_eye=hand_eye.name if hand_eye else "the recording's own",
-        hand_eye_calibrated_at=calibration.part.recorded_at,
+        hand_eye_calibrated_at=calibration.calibrated_at,
         hand_eye_u_mm=calibration.volume_u_mm,
     )
     checks, once = judged(recording, calibration.flange_from_profiler, limits)
@@ -87,20 +86,6 @@ def fuse(
     if some:
         part = dataclasses.replace(part, scan_plan=part.scan_plan or plan_id(scan_plan.read_bytes()))
     return dataclasses.replace(cloud, part=part, checks=(*checks, departures))
-
-
-def _check_same_instruments(part: Part, calibration: HandEye) -> None:
-    """Refuse the calibration of another sensor or robot, where both say which theirs is."""
-    for what, own, other in (
-        ("sensor", part.sensor_serial, calibration.part.sensor_serial),
-        ("robot", part.robot_serial, calibration.part.robot_serial),
-    ):
-        if own and other and own != other:
-            raise InputError(
-                calibration.source,
-                f"it calibrates the {what} of serial number '{other}', the recording is of '{own}': the handeye.json "
-                "of another cell, from before an exchange, or a serial number mistyped?",
-            )
 
 
 def sparse_poses_u(recording: Recording) -> tuple[float, float]:

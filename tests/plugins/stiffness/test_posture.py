@@ -156,6 +156,11 @@ def test_a_part_is_scanned_at_one_angle(
     turned = dataclasses.replace(cell, scanned_at=np.radians(40.0))
     with pytest.raises(InputError, match=r"as robot\.plate has it"):
         posture(turned, stiffness, path, acts, planned_at_deg=0.0, **FEW)
+    as_placed, as_asked = (
+        posture(turned, stiffness, path, acts, **FEW),
+        posture(cell, stiffness, path, acts, planned_at_deg=40.0, **FEW),
+    )
+    assert np.array_equal(as_placed[0].joints, as_asked[0].joints)
 
 
 @pytest.fixture(scope="module")

@@ -37,10 +37,11 @@ class Scanner:
         """By a handeye.json, or the recording's own pose; `pose`: noise of the flange, mm and deg.
 
         Raises:
-            InputError: there is no hand-eye pose, or it is no rigid motion; the robot moved.
+            InputError: there is no hand-eye pose, or it is no rigid motion, or of another sensor or robot; the robot
+                moved.
         """
         if path is not None:
-            self.eye = HandEyeFile.hand_eye(path)
+            self.eye = HandEyeFile.hand_eye(path, recording.part)
         elif recording.flange_from_profiler is not None:
             self.eye = HandEye(recording.flange_from_profiler, source=recording.source)
         else:

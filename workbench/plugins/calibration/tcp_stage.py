@@ -62,7 +62,7 @@ ALONE_MM = 1e-3  # of a typed reference by itself
 SAME_POSTURE = 1.0 * DEG  # between touches of one tool point and reference, that count as one
 STAND_OFF = "stand_off_mm"
 BENDS = "the tool gives way to its weight by {:.2f} mm{} where it lies level"
-STIFF = "the points are those of the tool upright; is it tight, the base's z upwards?"
+STIFF = "the points are those of the tool upright; is it tight? Below 0: the base's z points down, or it is no weight"
 BEND_MM = 0.1  # of a tool, that no touch need show, for its size
 ANYWHERE = 100.0  # radii of a ball: standard deviation of where on it the tool point lies
 FAR_BETTER = 0.25  # a misfit over another's: touches along the tool fit its mirror image, beyond the ball, as well
@@ -164,7 +164,8 @@ def tcp(
     exchanged = _check_places(place, names, least_reach_mm, str(touches))
     apart = noisy(found, "the touches", "is the tool loose, a pose or its unit wrong, the robot less accurate?")
     if course is not None:
-        said = course.words.format(np.linalg.norm(found.at[len(begun) :]), "")
+        size = found.at[len(begun) :]
+        said = course.words.format(size[0] if size.size == 1 else np.linalg.norm(size), "")
         apart = (f"{said}: that is taken out; {course.ask}", *apart)
     widest, ask = [estimator.worst(one) for one in of], apart or ("turn the flange about axes across that direction",)
     for name, worst in zip(names, widest, strict=True):

@@ -37,6 +37,7 @@ from workbench.plugins.calibration.model import cross_matrix
 from workbench.plugins.calibration.observations import posture_of
 from workbench.plugins.calibration.tables import (
     JOINTS,
+    LENGTHS,
     POSE,
     by_point,
     check_misfit,
@@ -62,7 +63,7 @@ LEAST_POSTURES = 4
 SAME_MM, SAME = 0.1, 0.02 * DEG  # between flange poses: less is the same posture, as a robot repeats it
 MOST_MM = 5.0  # that readings may lie off, RMS an axis: no robot is so badly built, as the lengths' prior says
 BEYOND = 5.0  # standard deviations of how a robot is built
-SCALE, SAG, COUPLING = 1e-4, 0.01 * DEG, 1e-3  # of what the arm's model lacks, for its sizes
+SAG, COUPLING = 0.01 * DEG, 1e-3  # of what the arm's model lacks, for its sizes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -240,7 +241,7 @@ def _not_included(found: estimator.Fit[Tracked], every: Readings, arm: ArmErrors
         return []
     first, turned = found.rows.jacobian.shape[2] - len(arm), every.joints
     offset = {name[-1]: found.rows.jacobian[..., first + k] for k, name in enumerate(arm.names) if "offset" in name}
-    causes = {"a tracker's scale off by 1e-4, or a robot 9 K warmer": SCALE * every.place_mm}
+    causes = {f"a tracker's scale off by {LENGTHS:g}, or a robot 9 K warmer": LENGTHS * every.place_mm}
     for joint in ("2", "3"):
         if joint in offset:
             sags = SAG * np.sin(turned[:, int(joint) - 1])[:, None] * offset[joint]

@@ -108,7 +108,7 @@ def hand_eye_of(estimate: Estimate, covariance: Float, view: View, recording: Re
         frozen(pose_from(estimate.rotation, estimate.translation_mm)),
         frozen(covariance),
         recording.source,
-        recording.part,
+        recording.part.recorded_at,
         volume_u(covariance, estimate.rotation, view),
         (1.0 + x, 1.0 + z),
         (middle_x, middle_z),

@@ -307,12 +307,16 @@ def _best(
 
 
 def _planned(cell: Cell, turntable_deg: float | None, tilt_deg: float | None) -> Float:
-    """Where the external axes stood when the part was scanned, rad: as asked for, and as its scan was placed."""
-    placed = cell.scanned_at
-    if placed is not None and turntable_deg is None and tilt_deg is None:
-        return placed
-    planned = external_at(cell, turntable_deg or 0.0, tilt_deg or 0.0, "stiffness.posture.planned_tilt_deg")
-    if placed is None or np.allclose(planned, placed):
+    """Where the external axes stood when the part was scanned, rad: as asked for, else as its scan was placed, else 0.
+
+    Raises:
+        InputError: both are said, and differ.
+    """
+    placed = external_at(cell, 0.0, 0.0, "") if cell.scanned_at is None else cell.scanned_at
+    asked = external_at(cell, turntable_deg or 0.0, tilt_deg or 0.0, "stiffness.posture.planned_tilt_deg")
+    unsaid = np.array([tilt_deg is None, turntable_deg is None])[-asked.size :].reshape(asked.shape)
+    planned = np.where(unsaid, placed, asked)
+    if cell.scanned_at is None or np.allclose(planned, placed):
         return planned
     both = [", ".join(f"{angle:g}" for angle in np.atleast_1d(one) / DEG) for one in (placed, planned)]
     words = "expected {} deg, as robot.plate has it, found {}: the part was scanned at one angle"

@@ -92,10 +92,11 @@ def _labels(truth: Truth, cloud: Cloud) -> AnyArray:
 
 
 def _crossings(truth: Truth, cloud: Cloud) -> Float:
-    """Arc length of the truth at which each frame's laser plane crosses the lower edge."""
+    """Arc length of the truth at which each frame's laser plane crosses the lower edge; NaN off the edge."""
     origin, across = cloud.base_from_profiler[:, :3, 3], cloud.base_from_profiler[:, :3, 1]
     side = truth.position_mm @ across.T - (origin * across).sum(axis=1)  # (n, N)
-    return truth.arc_length_mm[np.argmin(np.abs(side), axis=0)]
+    nearest = np.abs(side).min(axis=0)
+    return np.where(nearest < np.diff(truth.arc_length_mm).max(), truth.arc_length_mm[np.abs(side).argmin(axis=0)], np.nan)
 
 
 @pytest.fixture(scope="session")

@@ -127,7 +127,7 @@ FAULTS: dict[str, tuple[Callable[[Toolpath], Toolpath], str]] = {
         lambda p: change(p, measured=lambda q: q.measured & (q.arc_length_mm != 30)),
         "nothing was measured",
     ),
-    "too fast": (fed(lambda q: 3 * q.feed_mm_s), "expected 1 to 20"),
+    "too fast": (fed(lambda q: 30 * q.feed_mm_s), "expected 1 to 20"),
     "too fast in the material": (fed(lambda q: q.feed_mm_s + 0.01), "cuts faster than 1 mm/s"),
     "a jump of the feed": (fed(lambda q: np.where(q.arc_length_mm < -8, 20, q.feed_mm_s)), "changes by more"),
     "a quaternion's sign": (

@@ -46,7 +46,7 @@ def equation_26(distance_mm: Float, radius_mm: float = 5.0, slow: float = 1.0, f
 
 def test_distances_are_those_to_all_points_that_still_stand(raw: Callable[..., Raw]) -> None:
     """A straight edge, where "above an earlier layer's face" is a plane for the whole part."""
-    scan = raw(part={"length_mm": 44.0}, passes=[{"from_mm": 2.0, "to_mm": 42.0}], scanner={"columns": 400})
+    scan = raw(part={"length_mm": 44.0}, passes=[{"from_mm": -2.0, "to_mm": 46.0}], scanner={"columns": 400})
     path = feed(layers(scan.edge, scan.cloud), scan.cloud, scan.edge, acceleration_mm_s2=1e5)
     points = cloud_points(scan)
     p, t, n, m = (v[0] for v in (scan.edge.position_mm, scan.edge.tangent, scan.edge.normal, scan.edge.across))
@@ -89,6 +89,17 @@ def test_feed_is_slow_in_the_material_and_respects_the_acceleration(raw, acceler
     assert path.time_s == pytest.approx(time)
     assert path.time_at_v_slow_s == pytest.approx(step.sum())
     assert time < (0.6 if acceleration > 10 else 0.75) * step.sum()
+
+
+def test_leads_beyond_a_scan_that_stops_on_the_edge_are_as_slow_as_the_cut(raw: Callable[..., Raw]) -> None:
+    """The stock may go on there: nobody measured that it does not."""
+    for beyond, slow in ((-12.0, True), (3.0, False)):
+        scan = raw(part={"length_mm": 94.0}, passes=[{"from_mm": -beyond, "to_mm": 94.0 + beyond}])
+        path = feed(layers(scan.edge, scan.cloud), scan.cloud, scan.edge, acceleration_mm_s2=1e5)
+        final, length = path.layers[-1], path.edge_length_mm
+        outside = np.maximum(-final.arc_length_mm, final.arc_length_mm - length)
+        lead = (outside > 3.0) & (outside < 6.0)
+        assert (final.feed_mm_s[lead] < 1.25).all() == slow
 
 
 def test_feed_above_a_clamp_knows_the_clamp(raw: Callable[..., Raw]) -> None:

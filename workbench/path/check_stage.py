@@ -40,7 +40,7 @@ from workbench.path.course import (
     stocked_course,
 )
 from workbench.path.feed_stage import from_edge, moves_in_order, standing
-from workbench.path.obstacles import foreign, scan_of, sections_of
+from workbench.path.obstacles import foreign, open_ends, scan_of, sections_of
 from workbench.path.place import Points, place_of
 from workbench.path.plan import KEY_POINT_MM
 from workbench.stage import AtLeast, stage
@@ -166,7 +166,6 @@ def loosened_checks(toolpath: Toolpath) -> tuple[str, ...]:
     return tuple(f"check {check.name}: {check.finding}" for check in toolpath.evidence if check.loosened)
 
 
-ENDED = 3  # frames beyond an edge that do not see it, that show that it has ended
 SHOWING = (
     "flange_turn_deg",
     "fixed_end_share",
@@ -188,18 +187,8 @@ def unseen_checks(toolpath: Toolpath) -> tuple[str, ...]:
 
 def beyond_scan(toolpath: Toolpath, edge: Edge, cloud: Cloud) -> Iterator[str]:
     """What leads mill where the scan stops and the edge does not: nothing was measured there."""
-    s, within = edge.frame_arc_length_mm, float(edge.arc_length_mm[-1])
-    shown = {"start": False, "end": False}
-    for number in np.unique(cloud.pass_index):
-        mine = s[cloud.pass_index == number]
-        on = np.flatnonzero(np.isfinite(mine))
-        if not on.size:
-            continue
-        outer = {mine[on[0]]: on[0], mine[on[-1]]: mine.size - 1 - on[-1]}  # frames beyond, at either end
-        for place, frames in outer.items():
-            near = "start" if place < within / 2.0 else "end"
-            shown[near] |= bool(frames >= ENDED)
-    open_ = [end for end, is_shown in shown.items() if not is_shown]
+    within = float(edge.arc_length_mm[-1])
+    open_ = [end for end, is_open in zip(("start", "end"), open_ends(edge, cloud), strict=True) if is_open]
     if not open_ or not toolpath.mills:
         return
     first, cutter = toolpath.layers[0], toolpath.cutter

@@ -17,7 +17,7 @@ from workbench.geometry.distances import LineIndex, Stock, axis_distances, build
 from workbench.geometry.moves import limit_acceleration, step_lengths_mm
 from workbench.geometry.stations import Cuts, standing_layers
 from workbench.path.course import Bevel, Course, Poses, components, cutter_ends, finished, lower_course, poses_of
-from workbench.path.obstacles import scan_of, sections_of
+from workbench.path.obstacles import open_ends, scan_of, sections_of
 from workbench.stage import AtLeast, stage
 from workbench.units import DEG, AnyArray, Bool, Float
 
@@ -30,12 +30,20 @@ class Remaining(NamedTuple):
 
     stock: Stock
     faces: tuple[LineIndex | None, ...]  # of each layer once it is cut: a line across it at each key point
+    open_ends: tuple[tuple[Float, Float], ...]  # where the scan stops on the edge: the place (3,), outwards (3,)
 
 
 def remaining_stock(toolpath: Toolpath, cloud: Cloud, edge: Edge) -> Remaining:
     """What stands along a path. A point is gone once a layer cut below it, within the reach of the cutter's tip."""
     stock = build_stock(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, standing(toolpath, cloud, edge))
-    return Remaining(stock, tuple(face_lines(toolpath, layer) for layer in (*toolpath.before, *toolpath.layers)))
+    ends = lower_course(edge, edge.arc_length_mm[[0, -1]])
+    outwards = ends.tangent * np.array([[-1.0], [1.0]])
+    stops = zip(ends.position_mm, outwards, open_ends(edge, cloud), strict=True)
+    return Remaining(
+        stock,
+        tuple(face_lines(toolpath, layer) for layer in (*toolpath.before, *toolpath.layers)),
+        tuple((place, out) for place, out, is_open in stops if is_open),
+    )
 
 
 def standing(toolpath: Toolpath, cloud: Cloud, edge: Edge, swept: bool = False) -> AnyArray:
@@ -80,9 +88,13 @@ def standing(toolpath: Toolpath, cloud: Cloud, edge: Edge, swept: bool = False) 
 def stock_distances(remaining: Remaining, toolpath: Toolpath, points: Layer | Travel, done: int, at: Bool) -> Float:
     """d_min of equation (26): distance (k,) mm of the cutter's axis to the stock after `done` layers.
 
-    The axis reaches from the tip over the flute's length. NaN where `at` (k,) is false.
+    The axis reaches from the tip over the flute's length. NaN where `at` (k,) is false. Where the scan stops on the
+    edge, the stock of the last section is taken to go on.
     """
     start, end = (ends[at] for ends in cutter_ends(toolpath, poses_of(toolpath, points)))
+    for place, out in remaining.open_ends:
+        beyond = np.maximum(((start + end) / 2.0 - place) @ out, 0.0)[:, None] * out
+        start, end = start - beyond, end - beyond
     face = remaining.faces[done - 1] if done else None
     bound = np.full(len(start), np.inf) if face is None else line_distances(face, start, end)
     out = np.full(at.shape, np.nan)

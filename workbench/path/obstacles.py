@@ -24,6 +24,7 @@ BURR_MM = 3.0  # what stands out of the stock by less is its own: burrs, roughne
 CLAMP_MM = 0.5  # over a hidden stretch, where a clamp may lie close
 IN_THE_WAY = "clamp or other material in the way"
 LEAST_CUT_MM = 2.0  # for less the cutter does not come down
+ENDED = 3  # frames beyond an edge that do not see it, that show that it has ended
 NEAR_MM = 5.0  # points of a clamp lie up to this far from the stretch that it hides
 
 
@@ -44,6 +45,21 @@ def sections_of(course: Course) -> SectionTable:
     step = float(course.arc_length_mm[-1]) / (len(course.arc_length_mm) - 1)
     arrays = (course.position_mm, course.tangent, course.normal, course.across, course.upper_mm, course.inward)
     return section_table(step, *arrays)
+
+
+def open_ends(edge: Edge, cloud: Cloud) -> tuple[bool, bool]:
+    """Whether the scan stops on the edge at its start, and at its end: what stands beyond was not measured."""
+    s, within = edge.frame_arc_length_mm, float(edge.arc_length_mm[-1])
+    ended = [False, False]
+    for number in np.unique(cloud.pass_index):
+        mine = s[cloud.pass_index == number]
+        on = np.flatnonzero(np.isfinite(mine))
+        if not on.size:
+            continue
+        outer = {mine[on[0]]: on[0], mine[on[-1]]: mine.size - 1 - on[-1]}  # frames beyond, at either end
+        for place, frames in outer.items():
+            ended[int(place >= within / 2.0)] |= bool(frames >= ENDED)
+    return not ended[0], not ended[1]
 
 
 def scan_of(cloud: Cloud, edge: Edge, sections: SectionTable) -> Scan:

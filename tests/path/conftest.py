@@ -96,7 +96,9 @@ def _crossings(truth: Truth, cloud: Cloud) -> Float:
     origin, across = cloud.base_from_profiler[:, :3, 3], cloud.base_from_profiler[:, :3, 1]
     side = truth.position_mm @ across.T - (origin * across).sum(axis=1)  # (n, N)
     nearest = np.abs(side).min(axis=0)
-    return np.where(nearest < np.diff(truth.arc_length_mm).max(), truth.arc_length_mm[np.abs(side).argmin(axis=0)], np.nan)
+    return np.where(
+        nearest < np.diff(truth.arc_length_mm).max(), truth.arc_length_mm[np.abs(side).argmin(axis=0)], np.nan
+    )
 
 
 @pytest.fixture(scope="session")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import open3d as o3d
 import pytest
 
 from bench.scan_plan.achieved import _planned
@@ -187,6 +188,39 @@ def edge_through(folder: Path, *along_mm: float) -> Path:
     file = folder / f"through{'-'.join(map(str, along_mm))}.csv"
     file.write_text("\n".join(["x_mm,y_mm,z_mm", *(f"{1500 + x},0,800" for x in along_mm)]))
     return file
+
+
+@pytest.fixture
+def cell_with_plate(tmp_path: Path) -> Path:
+    """The shipped cell with a plate of 8 mm as its workpiece's mesh, which has the edge at y = 0 and lies at y < 0."""
+    document = json.loads(CELL.read_text())
+    document["robot"]["urdf"] = str(CELL.parent / document["robot"]["urdf"])
+    place = np.array(document["turntable"]["base_from_turntable"]["position_mm"])
+    corners = np.array([[1300.0, -200.0, 800.0], [1700.0, 0.0, 808.0]]) - place
+    box = o3d.geometry.TriangleMesh.create_box(*(corners[1] - corners[0])).translate(corners[0])
+    o3d.io.write_triangle_mesh(str(tmp_path / "plate.ply"), box)
+    document["workpiece"]["mesh"] = "plate.ply"
+    file = tmp_path / "cell.json"
+    file.write_text(json.dumps(document))
+    return file
+
+
+def test_the_order_of_points_is_compared_with_the_workpiece(short: tuple[Path, Made], cell_with_plate: Path) -> None:
+    """Points in the wrong order lead the scanner along the plate's side of the edge."""
+    lines = short[0].read_text().splitlines()
+    back = cell_with_plate.with_name("back.csv")
+    back.write_text("\n".join([lines[0], *lines[:0:-1]]) + "\n")
+    cell, more = robot.cell(cell=cell_with_plate), {**FEW, "hand_eye": HAND_EYE, "tool_stays": False}
+
+    def side(gate: Gate) -> list[str]:
+        return [one for one in gate.unchecked if "on which side the plate lies" in one]
+
+    assert not side(made(cell, edge=back, **more).gate)
+    for edge_file, upper in ((short[0], [0, 0, 1]), (back, [0, 0, -1]), (short[0], [0, 0, -1])):
+        with pytest.raises(InputError, match="found the plate of the cell file's workpiece on another side"):
+            made(cell, edge=edge_file, upper_side=upper, **more)
+    (told,) = (one for one in short[1].plan.unchecked if "on which side the plate lies" in one)
+    assert "towards (0, 1, 0)" in told
 
 
 def test_bad_input_ends_in_one_line(tmp_path: Path) -> None:

@@ -56,16 +56,17 @@ def read_edge(path: Path, upper_side: Float, joint: Joint, hand_eye: HandEye | N
     if suffix in RECORDINGS:
         return _recorded(path, upper_side, joint, hand_eye)
     if suffix in DRAWINGS:
-        return EdgeLine.through(_in_order(_dxf_points(path), path), upper_side, path)
+        return EdgeLine.through(_in_order(_dxf_points(path), path), upper_side, path, by_order=True)
     if suffix == ".csv":
-        return EdgeLine.through(_in_order(Table(path, POINT, 2).numbers(POINT), path), upper_side, path)
+        points = Table(path, POINT, 2).numbers(POINT)
+        return EdgeLine.through(_in_order(points, path), upper_side, path, by_order=True)
     if read_json(path).get("format") == "bevel-toolpath":
         from workbench.path import read
 
         return _planned(read(toolpath=path), path)
     file = EdgeLineFile.read(path)
     upper = upper_side if file.upper_side is None else np.array(file.upper_side)
-    return EdgeLine.through(_in_order(np.array(file.points_mm), path), upper, path)
+    return EdgeLine.through(_in_order(np.array(file.points_mm), path), upper, path, by_order=True)
 
 
 BACK = -0.75  # cosine: a ring of three points turns by 120 deg at each

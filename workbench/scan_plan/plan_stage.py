@@ -49,7 +49,7 @@ from workbench.scan_plan.information import (
     edges_of,
     hidden_why,
 )
-from workbench.scan_plan.reach import Examiner, scan_cell
+from workbench.scan_plan.reach import Examiner, scan_cell, unknown_side
 from workbench.scan_plan.rehearsal import (
     LONGEST_MM,
     WAVE_MM,
@@ -236,7 +236,8 @@ def plan(
         why = f"expected {least:g} mm and more between frames, found {apart:.2g}: too slow a robot?"
         raise InputError("scan.plan.most_speed_mm_s", why)
     place, unchecked = _placed(cell, file, eye, task, tool_stays=tool_stays, z_away=z_away)
-    made = planned(task, place, (*unchecked, *((NO_ROUGHNESS,) if rough is None else ())))
+    side = unknown_side(cell if isinstance(cell, Cell) else None, line, joint)
+    made = planned(task, place, (*unchecked, *side, *((NO_ROUGHNESS,) if rough is None else ())))
     gate = _gate(made)
     document = Document(ScanPlanFile.NAME, written(made, z_away=z_away))
     return made, courses(made, z_away=z_away), document, plan_chapter(made, gate), gate
@@ -265,7 +266,7 @@ def _roughly(
         return read_edge(edge, upper_side, joint, eye)
     if taught is None:
         raise InputError("scan.plan", "expected where the edge is: edge=FILE, a recording, a toolpath or points")
-    return EdgeLine.through(taught.points_mm, taught.upper_side, taught.source)
+    return EdgeLine.through(taught.points_mm, taught.upper_side, taught.source, by_order=True)
 
 
 class Task(NamedTuple):

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from workbench.errors import InputError
 from workbench.extras import Extra
 from workbench.geometry.blocks import evenly
 from workbench.geometry.moves import chords_mm
@@ -46,6 +47,7 @@ GENTLE, LEAST = 0.8, 1e-6  # share of what a joint can do, that a pass may ask f
 MOST_TURN = 0.35  # rad, of a joint between two stations
 VOXEL_MM = 4.0
 BODY, SURROUNDINGS = "workpiece", "seen beside the plate"
+BESIDE_MM, ON_PLATE_MM = 10.0, 3.0  # off the edge, where its side is looked up; a place on the mesh's plate, from it
 
 
 class Reached(NamedTuple):
@@ -214,6 +216,46 @@ def scan_cell(
     return dataclasses.replace(
         cell.without_contact, shapes=(*kept, *body, *plate), flange_from_cutter=flange_from_profiler @ look
     )
+
+
+def unknown_side(cell: Cell | None, edge: EdgeLine, joint: Joint) -> tuple[str, ...]:
+    """Where the plate lies, if nothing but the order of taught points tells it.
+
+    Raises:
+        InputError: by the mesh of the workpiece the plate lies on their other side.
+    """
+    if not edge.by_order:
+        return ()
+    meshes = [] if cell is None else [shape for shape in cell.shapes if shape.body == BODY]
+    if cell is not None and meshes:
+        few = edge.at(np.linspace(0.0, edge.length_mm, 7)[1:-1])
+        behind = BESIDE_MM + (joint.thickness_mm - joint.root_mm) * math.tan(joint.bevel)
+        places = (
+            few.position_mm + across * few.normal + height * few.across
+            for across in (-behind, behind)
+            for height in (joint.thickness_mm, -joint.thickness_mm)
+        )
+        there, *others = (_share_on(cell, meshes, one) for one in places)
+        opposite = max(others)
+        if opposite > there:
+            why = "expected the points in the order of t = m x n, found the plate of the cell file's workpiece on"
+            raise InputError(edge.source, f"{why} another side: reverse their order, or upper_side")
+        if there > opposite:
+            return ()
+    towards = ", ".join(f"{value:.2g}" for value in -edge.normal.mean(axis=0) + 0.0)
+    return (f"on which side the plate lies: by the order of the points and upper_side, towards ({towards})",)
+
+
+def _share_on(cell: Cell, meshes: Sequence[Shape], places_mm: Shaped[Float, "p 3"]) -> float:
+    """Share of places in the base that lie on one of the bodies."""
+    ball, on = fcl.CollisionObject(fcl.Sphere(ON_PLATE_MM)), np.zeros(len(places_mm), bool)
+    for shape in meshes:
+        pose = shape.pose if shape.link == ON_BASE else turntable_pose(cell, 0.0) @ shape.pose
+        body = fcl.CollisionObject(body_of(shape), fcl.Transform(pose[:3, :3], pose[:3, 3]))
+        for k, place in enumerate(places_mm):
+            ball.setTransform(fcl.Transform(np.eye(3), place))
+            on[k] |= bool(fcl.collide(ball, body, fcl.CollisionRequest(), fcl.CollisionResult()))
+    return float(on.mean())
 
 
 def _plate(edge: EdgeLine, joint: Joint, part_from_base: Float, link: int):  # type: ignore[no-untyped-def]

@@ -33,6 +33,7 @@ class EdgeLine:
     source: str
     surroundings_mm: Shaped[Float, "b 3"] | None = None  # what a coarse recording saw beside the plate, in the base
     roughness_mm: float | None = None  # of the end face, three standard deviations, as it saw it
+    by_order: bool = False  # the order of taught points alone tells on which side of them the plate lies
 
     @property
     def length_mm(self) -> float:
@@ -40,7 +41,9 @@ class EdgeLine:
         return float(self.arc_length_mm[-1])
 
     @classmethod
-    def through(cls, points_mm: Shaped[Float, "p 3"], upper_side: Float, source: str | Path) -> EdgeLine:
+    def through(
+        cls, points_mm: Shaped[Float, "p 3"], upper_side: Float, source: str | Path, *, by_order: bool = False
+    ) -> EdgeLine:
         """Near points in order of t, as smoothly as half of what the view leaves free allows (root mean square).
 
         A scanner that follows errors of taught points swings, a stand-off away. `upper_side` (3,) or (p, 3): roughly m.
@@ -72,7 +75,7 @@ class EdgeLine:
         if size.min() < 0.1:
             raise InputError(str(source), "expected an upper side across the edge, found one along it")
         across /= size[:, None]
-        return cls(at, position, tangent, np.cross(tangent, across), across, str(source))
+        return cls(at, position, tangent, np.cross(tangent, across), across, str(source), by_order=by_order)
 
     def at(self, arc_length_mm: Float) -> EdgeLine:
         """The same at other stations; beyond its ends it goes straight on."""

@@ -15,7 +15,7 @@ from bench.joints import errors as errors_of
 from bench.simulators.swept import simulate_groove
 from bench.simulators.swept.recipe import GrooveRecipe
 from tests.seldom import seldom
-from workbench.artefacts import Cloud, Groove, Recording
+from workbench.artefacts import TANGENT, Cloud, Groove, Recording
 from workbench.cloud import denoise
 from workbench.edge import segment_groove
 from workbench.errors import InputError
@@ -136,8 +136,10 @@ def test_a_plates_edge_is_no_groove(kind: str) -> None:
         segment_groove(denoise(fuse(recording)))
 
 
-def changed(kind: str, part: dict[str, object], lean_deg: float = 0.0) -> tuple[Recording, GrooveTruth]:
-    """A random groove, straight, with another part; the view leans over the left plate."""
+def changed(
+    kind: str, part: dict[str, object], lean_deg: float = 0.0, robot: dict[str, object] | None = None
+) -> tuple[Recording, GrooveTruth]:
+    """A random groove, straight, with another part and robot; the view leans over the left plate."""
     recipe = random_groove_recipe(kind, SEED).model_dump(mode="json")
     recipe["part"] |= {"spine": {"length_mm": 60.0}, "upper_radius_mm": 0.0, **part}
     recipe["scanner"] |= {"columns": 640, "pitch_mm": 0.06, "apex_mm": None, "near_mm": 50.0, "far_mm": 400.0}
@@ -149,6 +151,7 @@ def changed(kind: str, part: dict[str, object], lean_deg: float = 0.0) -> tuple[
         "aim_mm": [0.0, 8.0],
         "follow": "line",
     }
+    recipe["robot"] |= robot or {}
     return simulate_groove(GrooveRecipe.model_validate(recipe))
 
 
@@ -216,3 +219,17 @@ def test_a_groove_is_within_its_uncertainty_or_refused(kind: str, part: dict[str
         recording, truth = changed(kind, part)
         rows = errors(inspect_groove(segment_groove(denoise(fuse(recording)))), truth)
         assert max(abs(error) / u for _, error, u in rows) < 3.5
+
+
+@pytest.mark.parametrize("sense", ["convex", *seldom("concave")])
+def test_the_tangent_of_a_bowed_groove_counts_where_frames_cut_it_obliquely(sense: str) -> None:
+    """They do at both ends, to either side: on average not at all."""
+    bowed = {"spine": {"shape": "arc", "length_mm": 60.0, "radius_mm": 400.0, "sense": sense}}
+    robot = {"smooth_error_mm": 0.06, "smooth_error_wavelength_mm": 40.0}
+    recording, truth = changed("V", bowed, robot=robot)
+    groove = segment_groove(denoise(fuse(recording)))
+    for name in ("included_deg", "width_mm"):
+        found = [(error, u) for size, error, u in errors(inspect_groove(groove), truth) if size == name]
+        assert max(abs(error) / u for error, u in found) < 3.5
+    by_tangent = groove.sizes["included_deg"].u_by_source[TANGENT]
+    assert by_tangent[by_tangent.size // 2] < 0.3 * min(by_tangent[0], by_tangent[-1])

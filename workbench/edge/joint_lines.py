@@ -52,6 +52,14 @@ class Along(NamedTuple):
         """The frames' arc lengths (N,), 0 where they are not known."""
         return np.where(np.isfinite(self.s), self.s, 0.0)
 
+    def near(self, value: Float) -> Float:
+        """Means (m,) of values (N,), not below 0, of the frames about each station; of the nearest where none is."""
+        shown = np.isfinite(self.s) & np.isfinite(value)
+        station = np.rint(np.interp(self.s[shown], self.at, np.arange(self.at.size))).astype(np.int64)
+        count = np.bincount(station, minlength=self.at.size)
+        total = np.bincount(station, np.maximum(value[shown], 0.0), self.at.size)
+        return np.interp(self.at, self.at[count > 0], total[count > 0] / count[count > 0])
+
 
 class Place(NamedTuple):
     """What is known of a joint beside its lines: where returns end on a face, or a fillet lies."""
@@ -261,20 +269,20 @@ class JointLines:
         for one, (by_turn, by_move) in zip(self.forms, slopes, strict=True):
             bent.append(by_move * one.offset_u_mm * math.sqrt(whole / one.width_mm))
             bent.append(max(abs(by_turn) - 0.5 * one.width_mm * abs(by_move), 0.0) * one.turn_u)
-        run = max(abs(typical(one.section.run, 0.0)) for one in self.lines)
+        run = np.max([self.along.near(one.section.run**2) for one in self.lines], axis=0)
         return {
             CORNERS: np.hypot(u, LEAST_U_MM),
             DIRECTIONS: np.hypot.reduce(directions),
-            TANGENT: self.along.tangent_u * run * np.abs(value),
+            TANGENT: self.along.tangent_u * np.sqrt(run) * np.abs(value),
             FORM: np.hypot.reduce(bent),
         }
 
     def turns(self, first: int, second: int) -> dict[str, Float]:
         """Standard uncertainties (m,) by source of the angle between two of the lines, deg."""
         one, other = self.lines[first], self.lines[second]
-        run_a, run_b = typical(one.section.run, 0.0), typical(other.section.run, 0.0)
-        cosine = math.cos(typical(one.angle - other.angle, 0.0))
-        lever = math.sqrt(max(run_a**2 + run_b**2 - 2 * run_a * run_b * cosine, 0.0))
+        run_a, run_b = one.section.run, other.section.run
+        square = run_a**2 + run_b**2 - 2.0 * run_a * run_b * np.cos(one.angle - other.angle)
+        lever = np.sqrt(self.along.near(square))
         sources = {
             DIRECTIONS: np.hypot(one.direction_u(self.along), other.direction_u(self.along)),
             TANGENT: self.along.tangent_u * lever,

@@ -110,6 +110,16 @@ def test_a_profile_that_is_too_coarse_for_a_type_is_refused() -> None:
         segment_groove(denoise(fuse(coarse)))
 
 
+def test_a_pass_that_shows_one_plate_alone_is_named() -> None:
+    cloud, _ = scanned("V")
+    count, columns = cloud.keep.shape
+    second = np.arange(count) >= count // 2
+    left = cloud.keep & ~(second[:, None] & (np.arange(columns) > columns // 2))
+    found = segment_groove(dataclasses.replace(cloud, keep=left, pass_index=second.astype(cloud.pass_index.dtype)))
+    assert any(one.startswith("pass 2 of 2 left out") for one in found.warnings)
+    assert not any("left out" in one for one in segment_groove(cloud).warnings)
+
+
 def test_a_wrong_type_is_refused() -> None:
     with pytest.raises(InputError, match=r"groove 'U'.*shows a bevel.*expected V"):
         found("V", groove="U")

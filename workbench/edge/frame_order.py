@@ -13,7 +13,7 @@ import numpy as np
 from workbench.artefacts import Cloud
 from workbench.geometry.along import by_pass
 from workbench.geometry.medians import robust_sd
-from workbench.units import Float, Int
+from workbench.units import Bool, Float, Int
 
 
 def scatter(left: Float, variance: Float) -> float:
@@ -45,3 +45,13 @@ def flips(cloud: Cloud) -> Float:
         same = float((np.cross(ez[mine], ex[mine]) @ np.cross(ez[0], ex[0])).mean())
         out[mine] = 1.0 if same >= 0 else -1.0
     return out
+
+
+def left_out(pass_index: Int, used: Bool) -> tuple[str, ...]:
+    """Of passes without a frame that is `used` (N,), in words."""
+    passes = np.unique(pass_index)
+    unused = [str(k) for k, one in enumerate(passes, 1) if not used[pass_index == one].any()]
+    if not unused:
+        return ()
+    which = f"pass{'es' if len(unused) > 1 else ''} {', '.join(unused)} of {passes.size}"
+    return (f"{which} left out: no profile there shows all faces that are measured",)

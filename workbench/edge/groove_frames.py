@@ -101,9 +101,9 @@ def read_frames(cloud: Cloud) -> ReadFrames:
     right, agree_right = _kind([one[1] for one in both])
     good = [k for k, one in enumerate(read) if one is not None and one[0].kind == left and one[1].kind == right]
     if not good:
-        raise InputError(
-            cloud.source, f"no profile shows the plates as most do ({left} left, {right} right): no groove?"
-        )
+        why = f"no profile shows the plates as most do ({left} left, {right} right): "
+        why += "does each pass see one plate's face alone? Add one from above the groove that sees both"
+        raise InputError(cloud.source, why)
     alike = [one for k in good if (one := read[k]) is not None]
     corners = np.array([[*one[0].corner, *one[1].corner] for one in alike])
     falls = np.nan_to_num([[one[0].fall, one[1].fall] for one in alike])

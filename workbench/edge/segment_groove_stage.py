@@ -17,6 +17,7 @@ from workbench.checks.window import hidden_columns_u
 from workbench.edge.column_errors import declared_linearity
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.extrapolated import name_extrapolated
+from workbench.edge.frame_order import left_out
 from workbench.edge.groove_frames import COMPOUND, ReadFrames, axes, groove_curve, read_frames
 from workbench.edge.groove_plates import plates
 from workbench.edge.groove_profile import JUMP_MM, Kind
@@ -146,6 +147,7 @@ def segment_groove(
         warnings=(
             *_alike(type_, alternatives, declared),
             *_hidden(measured, declared),
+            *left_out(cloud.pass_index, np.isfinite(seen_s)),
             *((SHADOW,) if measured.shadowed else ()),
             *notes,
             *taken_off,

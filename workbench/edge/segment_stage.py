@@ -27,6 +27,7 @@ from workbench.edge.column_errors import ColumnErrors, Linearity, declared_linea
 from workbench.edge.drawn_end import burr_note
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.faces import TrackedFaces, find_faces
+from workbench.edge.frame_order import left_out
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.identify import CONTEXT
 from workbench.edge.last_returns import is_free_end, root_rim
@@ -265,6 +266,7 @@ def milled_edge(
     course = measured.end.course
     step = np.interp(at + measured.shift, course.at_mm, measured.said.sure_step_mm(course))
     notes += (*step_note("the root face's end", step, at), *notes_of(declared.errors))
+    notes += left_out(cloud.pass_index, tracked.seen)
     return MilledEdge(
         part=cloud.part,
         source=cloud.source,

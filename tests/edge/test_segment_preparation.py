@@ -115,6 +115,28 @@ def scanned(part: dict[str, object], columns: int = 600, pitch_mm: float = 0.045
     return denoise(fuse(recording)), truth
 
 
+@pytest.mark.parametrize(
+    ("kind", "radius_mm"), [("bevel", 0.0), ("compound", 0.12), *seldom(("bevel", 0.12), ("compound", 0.0))]
+)
+def test_a_pass_from_below_fixes_the_lower_edge_of_a_preparation(kind: str, radius_mm: float) -> None:
+    """It shows neither the upper surface nor, of a compound bevel, the upper one."""
+    from_above = {"way_mm": [2, 58], "elevation_deg": 50, "lead_deg": 4, "aim_mm": [-4, 4]}
+    from_below = {"way_mm": [58, 2], "elevation_deg": -12, "lead_deg": 2, "aim_mm": [-1, 1]}
+    part = {"preparation": kind, "spine": {"length_mm": 60}, "lower_radius_mm": radius_mm}
+    recipe = {"simulator": "swept", "part": part, "scanner": {"columns": 700, "pitch_mm": 0.045}}
+    recipe |= {"passes": [from_above, from_below]}
+    recording, truth = simulate_swept(SweptRecipe.model_validate(recipe))
+    cloud = denoise(fuse(recording))
+    both, alone = segment_preparation(cloud), segment_preparation(cloud.of_frames(cloud.pass_index == 0))
+    assert not any("left out" in one for one in both.warnings)
+    root, by_one = both.sizes["root_face_mm"], alone.sizes["root_face_mm"]
+    assert (root.u < 0.5 * by_one.u).all()
+    at = [int(np.argmin(np.linalg.norm(truth.position_mm - place, axis=1))) for place in both.origin_mm]
+    assert (np.abs(root.value - truth.root_mm[at]) < 3.0 * root.u).all()
+    for name in ("bevel_deg", "depth_mm", "width_mm"):
+        assert np.nanmedian(both.sizes[name].u) < 1.1 * np.nanmedian(alone.sizes[name].u), name
+
+
 ROUNDED = {"preparation": "bevel", "thickness_mm": 4, "root_mm": 1.1, "bevel_deg": 64, "middle_radius_mm": 0.8}
 BOWED = {"preparation": "bevel", "thickness_mm": 9, "root_mm": 1.8, "bevel_deg": 46, "bevel_bow_mm": -0.2}
 HOLLOW = {

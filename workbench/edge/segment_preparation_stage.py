@@ -30,11 +30,13 @@ from workbench.edge.column_errors import declared_linearity, without_column_erro
 from workbench.edge.directions import near_slope, wrapped
 from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.extrapolated import name_extrapolated
+from workbench.edge.faces import TrackedFaces
 from workbench.edge.fillet import Fillet, fit_on_land, misfit_mm
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.joint_lines import Along, FaceLine, JointLines, Place, Values, corners, joined, meeting, typical
 from workbench.edge.last_returns import is_free_end, root_rim
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
+from workbench.edge.other_passes import with_other_passes
 from workbench.edge.parameters import (
     USUAL_NOISE_MM,
     Direction,
@@ -46,6 +48,7 @@ from workbench.edge.parameters import (
 )
 from workbench.edge.prepared_frames import (
     FILLET,
+    FILLETED,
     FLANK,
     WHOLE,
     PreparedFrames,
@@ -93,7 +96,8 @@ def segment_preparation(
     How the profiles are read: docs/grooves.md, "One plate".
 
     Args:
-        cloud: the organised cloud of one edge, in one or more passes that show its upper surface too.
+        cloud: the organised cloud of one edge, in one or more passes that show its upper surface too; others, from
+            below, measure the root face alone.
         preparation: what the edge is prepared as, or `auto`; another one than the profiles show is refused.
         root_nominal_mm: expected root face; distinguishes it from the upper surface.
         edge_condition: as in `edge.segment`.
@@ -125,19 +129,20 @@ def segment_preparation(
         )
     checks = [columns, *_checks(cloud, frames, root_nominal_mm, limits)]
     refuse_failed(checks, *_refused(cloud, frames))
-    rounding = broken_end(cloud, root_rim(frames.tracked), is_free_end(frames.tracked), edge_condition)
+    tracked = _of_all_passes(cloud, frames, root_nominal_mm)
+    rounding = broken_end(cloud, root_rim(tracked), is_free_end(tracked), edge_condition)
     rim, notes = rounding.rim_mm, (NOT_SHARP,) if rounding.contradicts else ()
     condition: EdgeCondition = "unknown" if rounding.contradicts else edge_condition
     if rim > 0.0:
         frames = frames_of(cloud, plates, rim)
-        face_end = root_rim(frames.tracked, rim)
-        rounding = broken_end(cloud, face_end, is_free_end(frames.tracked), condition)
+        tracked = _of_all_passes(cloud, frames, root_nominal_mm, rim)
+        rounding = broken_end(cloud, root_rim(tracked, rim), is_free_end(tracked), condition)
     checks.append(edge_break_check(rounding.size_mm, limits))
     refuse_failed(checks, *_refused(cloud, frames))
     try:
-        measured = measure_edge(cloud, frames.tracked, rounding)
+        measured = measure_edge(cloud, tracked, rounding)
         declared = Declared(linearity, errors, usual_noise_mm(robot_noise_mm), robot_noise_length_mm, end_u_mm)
-        edge = milled_edge(cloud, frames.tracked, measured, rounding, declared, checks)
+        edge = milled_edge(cloud, tracked, measured, rounding, declared, checks)
         chain = _Chain(cloud, frames, measured, edge, declared)
         if frames.kind == "J":  # the flank's line may have leant on its fillet, before that was known
             chain = _Chain(cloud, frames_of(cloud, plates, rim, chain.flank_mm()), measured, edge, declared)
@@ -148,7 +153,7 @@ def segment_preparation(
         refuse_failed(checks, *_refused(cloud, frames))
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
-    ends = root_end_check(cloud, frames.tracked)
+    ends = root_end_check(cloud, tracked)
     found = Preparation(
         type=frames.kind,
         declared=preparation != "auto",
@@ -170,6 +175,13 @@ def segment_preparation(
         unseen=by_window(ends),
     )
     return name_extrapolated(found, cloud, max(frames.sigma_mm.values()))
+
+
+def _of_all_passes(cloud: Cloud, frames: PreparedFrames, root_nominal_mm: float, rim_mm: float = 0.0) -> TrackedFaces:
+    """The faces, with what passes without the upper surface show of root face and bevel."""
+    if frames.kind in FILLETED:
+        return frames.tracked
+    return with_other_passes(cloud, frames.tracked, root_nominal_mm, rim_mm)
 
 
 def _refused(cloud: Cloud, frames: PreparedFrames) -> tuple[str, str]:

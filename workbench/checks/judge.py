@@ -52,6 +52,7 @@ NOT_JUDGED = Check(
     "not judged: a cloud holds neither poses nor profiles; its maker answers for these and for points removed or moved",
 )
 STANDING_MM = 1e-6  # of way from frame to frame
+ROUNDED_DEG = 1e-6  # between orientations that are the same but for rounding
 AXIS_MM = (2.0, 100_000.0)  # way of a linear axis: less is no scan
 FEW_POSES = 12  # of a pass: with fewer the way between them is straight, whatever their noise
 CHORD_DEG = 10.0  # by which chords of the edge's way may stand further off square
@@ -379,7 +380,8 @@ def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: 
         moved = chords_mm(place)
         standing.append(float((moved < STANDING_MM).mean()) if len(moved) else 0.0)
         took, turn = np.maximum(np.diff(recording.robot_time_s[at]), LEAST_S), recording.robot_quaternion_wxyz[at]
-        ways = chords_mm(position[at]), _angles_deg(turn[1:], turn[:-1])
+        angle = _angles_deg(turn[1:], turn[:-1])
+        ways = chords_mm(position[at]), np.where(angle > ROUNDED_DEG, angle, 0.0)
         held += [held_poses(way / took) for way in ways]
     finding = (
         f"{max(held)} poses in a row have one position, or one orientation, and the next one jumps: a frozen stream?"

@@ -16,6 +16,8 @@ from workbench.edge.end_templates import (
     FOOTPRINTS,
     INCIDENCE_PRIOR,
     INCIDENCES,
+    OFFSET,
+    OFFSET_MM,
     PRIORS,
     QUARTER,
     EdgeCondition,
@@ -53,7 +55,8 @@ def beyond(view: RootView, condition: EdgeCondition, knife: float) -> tuple[floa
     returns are off by L^2 / 4 columns in the mean (by L / 2 - 1 / 4 above one column). A blunted edge is seen up to the
     turn t at which the rays no longer return; there its returns lie r (1 - cos t) below the line, and the virtual edge
     r (tan(d / 2) - sin t) beyond, d being by how much the face behind turns away: that of the plate's lower surface
-    with the probability `knife`, otherwise a root face square to the upper one.
+    with the probability `knife`, otherwise a root face square to the upper one. In a few views last returns are offset
+    without such a cause.
     """
     templates = end_templates(KNIFE if condition == "unknown" else PRIORS[condition])
     rounded = (templates.turn == 0.0) & np.isfinite(templates.log_prior)
@@ -75,7 +78,9 @@ def beyond(view: RootView, condition: EdgeCondition, knife: float) -> tuple[floa
         mixed = view.column_mm * np.where(seen < 1.0, 0.25 * seen**2, 0.5 * seen - 0.25)
         last = np.clip(r * np.sin(turn) - 0.5 * view.step_mm, 0.0, None)  # half a column before its end on average
         deep = r - np.sqrt(r**2 - last**2)
-        log = log - 0.5 * (view.above_mm - mixed + deep) ** 2 / (view.above_u_mm**2 + (QUARTER * deep) ** 2)
+        off, square = view.above_mm - mixed + deep, view.above_u_mm**2 + (QUARTER * deep) ** 2
+        plain, offset = (-0.5 * (off**2 / each + np.log(each)) for each in (square, square + OFFSET_MM**2))
+        log = log + np.logaddexp(math.log1p(-OFFSET) + plain, math.log(OFFSET) + offset)
     share = shares(log)
     off = r * (np.tan(0.5 * behind) - np.sin(turn)) - (0.5 - f) * w * view.step_mm
     mean = float((share * off).sum())

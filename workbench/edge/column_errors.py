@@ -166,8 +166,9 @@ def _normal_equations(x: Float32, off: Float, on: Bool, begins: Int, sensor: Lin
     variance = float((off[on] ** 2).mean()) + LEAST_MM**2
     off = np.where(on, off, 0.0)
     columns = _together(np.diff(off, axis=0))  # what changes between frames is noise
-    first, last = np.argmax(on, axis=1), on.shape[1] - 1 - np.argmax(on[:, ::-1], axis=1)
     lines, seen = np.flatnonzero(on.any(axis=1)), np.flatnonzero(on.any(axis=0))
+    ends = np.argmax(on[lines], axis=1), on.shape[1] - 1 - np.argmax(on[lines, ::-1], axis=1)
+    first, last = (np.rint(np.interp(np.arange(len(on)), lines, one)).astype(np.int64) for one in ends)
     node = np.arange(on.shape[1]).clip(seen[0], seen[-1]) - seen[0]
     nodes = int(node[-1]) + 1
     of, form = slice(0, nodes), slice(nodes, None)
@@ -178,7 +179,8 @@ def _normal_equations(x: Float32, off: Float, on: Bool, begins: Int, sensor: Lin
         low, high = (median_filter(one[begin:end], SMOOTH, mode="nearest") for one in (first, last))
         in_view = [(1, low)] if low.any() else []
         in_view += [(-1, high)] if (high < on.shape[1] - 1).any() else []
-        if end - begin < SMOOTH or min((np.ptp(one) for _, one in in_view), default=0) < MOVES:
+        shows = mine.any(axis=1)
+        if shows.sum() < SMOOTH or min((np.ptp(one[shows]) for _, one in in_view), default=0) < MOVES:
             continue
         frame, column = np.nonzero(mine)
         beyond = [way * (column - one[frame]) for way, one in in_view]
@@ -194,8 +196,8 @@ def _normal_equations(x: Float32, off: Float, on: Bool, begins: Int, sensor: Lin
         gain = weight * np.linalg.solve(free, full[form, of]).T
         normal += weight * (full[of, of] - gain @ full[form, of])
         force += weight * (pull[of] - gain @ pull[form])
-    ends = np.stack([first[lines], last[lines]], axis=1)
-    pitch_mm = float(np.median(np.diff(np.take_along_axis(x[lines], ends, axis=1)) / np.diff(ends)))
+    outer = np.stack(ends, axis=1)
+    pitch_mm = float(np.median(np.diff(np.take_along_axis(x[lines], outer, axis=1)) / np.diff(outer)))
     middle_mm = pitch_mm * np.bincount(node, np.arange(node.size)) / np.bincount(node)
     noise = np.eye(nodes) + normal @ sensor.covariance(middle_mm[:, None] - middle_mm)
     normal, force = (np.asarray(np.linalg.solve(noise, one), np.float64) for one in (normal, force))

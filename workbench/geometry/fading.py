@@ -21,7 +21,7 @@ FADES = (0.0, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)  # columns
 NONE = 0.5  # columns: over less nothing fades, since the last one before the end lies half of one off it
 PRIOR, OTHERWISE = 0.1, 0.01  # probability that returns fade at all; that they go missing in another manner
 BEHIND, REACH, COLUMNS = 8, 24, 40  # columns behind the last return: that tell it, that tell what is usual; of the sums
-LEAST_FRAMES, MOST_FRAMES = 30, 300  # of a pass, that are looked at: neighbours see the same soot
+LEAST_FRAMES, MOST_FRAMES, LOOKED_AT = 30, 300, 1000  # of a pass; that count, as neighbours see the same soot
 DARK = 0.1  # of the frames in which a column returns at least, that is not blind
 
 
@@ -60,7 +60,7 @@ def faded_columns(z_mm: AnyArray, outwards: Shaped[Int, " N"], seen: Shaped[Bool
         mine = of_pass[seen[of_pass]]
         if mine.size < LEAST_FRAMES:
             continue
-        mine = mine[:: math.ceil(mine.size / MOST_FRAMES)]
+        mine = mine[:: math.ceil(mine.size / LOOKED_AT)]
         returned = np.isfinite(z_mm[mine])
         at = np.abs(outwards[mine])[:, None] - np.sign(outwards[mine])[:, None] * np.arange(1, REACH + 1)
         inside = (at >= 0) & (at < returned.shape[1])
@@ -81,6 +81,8 @@ def _likely(missing: Int, told: Int) -> float:
     """The mean of what frames leave likely, of which so many miss (r,) of those (r,) in each column behind the last."""
     near, of = missing[:BEHIND].astype(float), told[:BEHIND].astype(float)
     usual = (missing[BEHIND:].sum() + 0.5) / (told[BEHIND:].sum() + 1.0)
+    counts = min(1.0, MOST_FRAMES / max(float(of.max()), 1.0))
+    near, of = counts * near, counts * of
     share = usual + (1.0 - usual) * _faded().behind
     log = (near * np.log(share) + (of - near) * np.log1p(-share)).sum(axis=1)
     log += np.log(np.append(1.0 - PRIOR, np.full(len(FADES) - 1, PRIOR / (len(FADES) - 1))))

@@ -27,3 +27,12 @@ def test_how_a_rough_face_winds_is_in_the_u_of_its_edge_s_direction() -> None:
     found = alone(analytic.raw(11_720_014)).found["heading_deg"]
     assert (np.abs(found.error) / found.u).max() < 2.5
     assert np.abs(found.error).max() < 0.4
+
+
+def test_where_a_clamp_s_shadow_leaves_less_than_half_of_the_face_no_edge_is_told() -> None:
+    """Its upper quarter alone, over 5 mm: the end of the shadow was the edge, 8 mm above it, and every u grew."""
+    found = alone(analytic.raw(19_100_009)).found
+    for name, most in (("along_m_mm", 0.15), ("heading_deg", 0.5)):
+        assert np.abs(found[name].error).max() < most, name
+        assert (np.abs(found[name].error) / found[name].u).max() < 3.0, name
+    assert np.median(found["along_m_mm"].u) < 0.1

@@ -51,7 +51,7 @@ SHARED_MM = 0.003  # from here on it is, where directions of frames go together 
 FEW_FRAMES = 20  # within 20 mm: the scatter of fewer differs by as much by chance
 UNEVEN = 2.0  # times the usual scatter: of frames within 20 mm, which share their errors over 4, chance makes up to 1.7
 COVERS, CELL_MM = 0.9, 5.0  # share of the edge that corners must show, by stretches, for silhouettes to be left aside
-NEAR_MM, WIDE = 50.0, 0.9  # an end face is nearly as wide as elsewhere on so much of it
+NEAR_MM, WIDE, HALF = 50.0, 0.9, 0.5  # an end face is nearly as wide as elsewhere on so much of it; else half hidden
 SAMPLE_FRAMES = 60
 # Errors of a robot's recorded positions, all alike likely before the frames are looked at: as robots have them.
 STRENGTHS_MM, LENGTHS_MM = (0.005, 0.012, 0.03, 0.07), (1.5, 3.0, 6.0, 12.0, 24.0, 48.0)
@@ -188,7 +188,10 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces, condition: EdgeCondition, ro
         )
     s = np.full(seen.size, np.nan)
     s[seen] = along_motion(middle[seen], along[seen], cloud.pass_index[seen])
-    own = seen & _as_wide(s, found.whole.widths_mm)  # where a part of the face is hidden, so is its middle
+    width = found.whole.widths_mm
+    seen &= _as_wide(s, width, HALF)  # in a clamp's shadow neither of its ends is the face's
+    s[~seen] = np.nan
+    own = seen & _as_wide(s, width, WIDE)  # where a part of the face is hidden, so is its middle
     curve = fit_curve(middle[own], s[own], cloud.pass_index[own])
     shared = robot.before
     for k in range(MOST_ROUNDS + 1):
@@ -314,11 +317,11 @@ def _squared(tilt: Course, stand_out: Course, face: SectionLines) -> Course:
     return replace(tilt, spline=through(tilt.at_mm, value))
 
 
-def _as_wide(s: Float, width: Float) -> Bool:
-    """Frames (N,) at s (N,) mm that show the end face nearly as wide as frames do anywhere within NEAR_MM."""
+def _as_wide(s: Float, width: Float, share: float) -> Bool:
+    """Frames (N,) at s (N,) mm that show more than a share of the end face that frames show within NEAR_MM."""
     at = np.arange(np.nanmin(s), np.nanmax(s) + CELL_MM, CELL_MM)
     most = scipy.ndimage.maximum_filter1d(running_median(s, width, at, CELL_MM), round(2 * NEAR_MM / CELL_MM) + 1)
-    return np.asarray(width > WIDE * np.interp(s, at, most))
+    return np.asarray(width > share * np.interp(s, at, most))
 
 
 def _whole(found: RawFaces) -> Bool:

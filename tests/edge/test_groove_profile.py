@@ -14,6 +14,7 @@ def test_types_that_look_alike_from_above_are_all_named() -> None:
     assert possible_types(("bevel", "round"), False, False) == ()
     assert with_a_bevel(("I", "J")) == ("HV", "HY", "K")
     assert with_a_bevel(("HV", "HY", "K")) == ("V", "Y", "X")
+    assert with_a_bevel(("HY", "K")) == ("Y", "X")  # a root face is seen: no V
 
 
 def test_a_steep_face_of_which_a_few_returns_are_seen_is_not_taken_for_square() -> None:

@@ -201,6 +201,20 @@ def test_a_bevel_that_the_view_may_hide_is_in_u() -> None:
         segment_groove(cloud, groove="HV")
 
 
+def test_a_type_of_which_the_view_hides_a_bevel_is_named_beside_a_root_face() -> None:
+    """It was read as HY or K alone, and Y was refused for the sake of the bevel that the view hides."""
+    part = {"thickness_mm": flat(12.0), "gap_mm": flat(2.0), "misalignment_mm": flat(0.0)}
+    part |= {f"bevel_{side}_deg": flat(30.0) for side in ("left", "right")}
+    part |= {f"root_face_{side}_mm": flat(1.5) for side in ("left", "right")}
+    recording, truth = changed("Y", part, lean_deg=32.0)
+    cloud = denoise(fuse(recording))
+    groove = segment_groove(cloud)
+    assert {"Y", "X"} <= {groove.type, *groove.alternatives}
+    assert max(abs(error) / u for _, error, u in errors(inspect_groove(groove), truth)) < 3.5
+    with pytest.raises(InputError, match="Y or X needs a scan, or a further pass"):
+        segment_groove(cloud, groove="Y")
+
+
 def test_the_flange_is_above_plates_with_nothing_seen_between_them() -> None:
     """Spatter on one of them once turned them upside down; their flange is on the scanner's side."""
     joint = JOINTS["prism"][1]("I", 5710007)

@@ -56,7 +56,7 @@ class Plate:
     # without return, or more than a few returns, lie between them, or where a root face is seen below
     next_up: Shaped[Float, " n"]
     grazing: Shaped[Float, " n"]  # how many times as far apart as on the plate the returns stand on the face
-    rounded: float  # mm by which a rounded edge is seen beyond the upper surface, where nothing is seen below it
+    rounded: Shaped[Float, " n"]  # mm of a rounded edge seen beyond the upper surface, where nothing is seen below it
     radius_lever: Shaped[Float, " n"]  # of the fillet's radius, a mm of its form: large where a short arc is seen
     fillets: Fillets
     lowest: Shaped[Float, "n 2"]  # lowest return of the root face; NaN: none, or something covers its end
@@ -262,7 +262,7 @@ def _plate(view: _View, sections: Sequence[SectionLines], images: Sequence[FaceI
         float(np.median(pitch * [_without_return(*one, view.which) for one in zip(columns, sides, strict=True)])),
         _next_up(view),
         steps / pitch,
-        float(np.median([side.rounded_mm for side in sides])),
+        np.array([side.rounded_mm for side in sides]),
         lever,
         fillets,
         lowest,

@@ -281,7 +281,7 @@ def _without_face(x: Float, y: Float, above: Float, lines: Float, plate: Float, 
     while end + 1 < x.size and x[end + 1] - x[end] < 2.5 * step and above[end + 1] > -ROUNDED_MM:
         end += 1  # round the edge, down to where it turns away
     corner = np.array([x[end], plate[SLOPE] * x[end] + plate[OFFSET]])
-    beyond = float(x[end] - x[level_end])
+    beyond = float(math.cos(level) * (x[end] - x[level_end]) + math.sin(level) * (y[end] - y[level_end]))
     arc = _hidden_fillet(x, y, above, lines, level, end)
     if arc.size:
         return Side(

@@ -316,17 +316,16 @@ class GrooveSizes:
         """Standard uncertainty of an end, in columns: how a column sees it, and what columns do not show."""
         return math.hypot(share, self.hidden_columns)
 
-    def _edge_u(self, one: Plate) -> float:
+    def _edge_u(self, one: Plate) -> Float | float:
         """u of an upper corner, mm, where nothing is seen below it: the last return's column, and a rounding.
 
-        Of a rounding the returns end where it turns away from the rays; the corner of its faces lies before that or
-        behind, by less than it is seen to go on.
+        Of a rounding the returns end where it turns away from the rays, and of a bevel where it is too steep for
+        them; the corner of the faces lies before that or behind, by less than it is seen to go on.
         """
         if one.kind not in UNSEEN:
             return 0.0
-        return math.hypot(
-            self._column_u(END_SHARE) * typical(one.edge_step), ROUNDED_U_MM, one.rounded / math.sqrt(3.0)
-        )
+        by_column = math.hypot(self._column_u(END_SHARE) * typical(one.edge_step), ROUNDED_U_MM)
+        return np.hypot(by_column, self.along.near(one.rounded) / math.sqrt(3.0))
 
     def _unseen(self, ends: Mapping[str, Place], depth_mm: float, doubtful: bool) -> None:
         """Put into depth and gap what faces may do that are not seen; doubtful: as `measure`."""

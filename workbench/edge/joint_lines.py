@@ -68,7 +68,7 @@ class Place(NamedTuple):
     u: Float  # by noise
     variance: Float | float = 0.0  # of single frames (N,), mm^2
     form_u: float = 0.0  # by the form of a fillet
-    returns_u: float = 0.0  # by where the returns end
+    returns_u: Float | float = 0.0  # by where the returns end
     alike_u: float = 0.0  # by how columns see an end, alike at all of them
     unlit: float = 0.0  # it may lie so much farther or nearer, in a shadow
 
@@ -205,8 +205,9 @@ class JointLines:
         square = sum((by * one.u) ** 2 for one, by in moves)
         terms = self.terms(found.value, np.sqrt(found.u**2 + square), slopes)
         terms[FORM] = np.hypot(terms[FORM], math.hypot(*(by * one.form_u for one, by in moves)))
-        ends = math.hypot(sum(by * one.alike_u for one, by in moves), *(by * one.returns_u for one, by in moves))
-        if ends:
+        alike = sum(by * one.alike_u for one, by in moves)
+        ends = np.sqrt(alike**2 + sum(np.square(by * one.returns_u) for one, by in moves))
+        if np.any(ends):
             terms[RETURNS] = np.full(found.value.size, ends)
         value = np.where(np.isfinite(sum(one.value for one, _ in moves)), found.value, np.nan)
         return hidden(Quantity.of(name, value, terms), math.hypot(*(by * one.unlit for one, by in moves)))

@@ -270,8 +270,8 @@ def with_a_bevel(types: tuple[GrooveType, ...]) -> tuple[GrooveType, ...]:
 
     Nobody can declare one: nothing of that bevel is measured.
     """
-    bevelled: tuple[GrooveType, ...] = ("HV", "HY", "K") if "I" in types else ("V", "Y", "X") if "HV" in types else ()
-    return tuple(one for one in bevelled if one not in types)
+    may_be: Mapping[GrooveType, tuple[GrooveType, ...]] = {"I": ("HV", "HY", "K"), "HV": ("V",), "HY": ("Y", "X")}
+    return tuple(dict.fromkeys(other for one in types for other in may_be.get(one, ()) if other not in types))
 
 
 def _type(
@@ -280,7 +280,7 @@ def _type(
     possible = possible_types(kinds, measured.root_face_seen, measured.root_face_excluded)
     hidden = with_a_bevel(possible) if measured.hides_bevels else ()
     words = {
-        "edge": "a square edge",
+        "edge": "nothing below its upper edge",
         "square": "a square face",
         "bevel": "a bevel",
         "round": "a flank with a fillet",
@@ -293,7 +293,10 @@ def _type(
         return possible[0], (*possible[1:], *hidden), False
     if groove not in possible:
         root = ", a root face is seen" if measured.root_face_seen else ""
-        raise InputError(f"{cloud.source}: groove '{groove}'", f"{shown}{root}: expected {' or '.join(possible)}")
+        expected = f"expected {' or '.join(possible)}"
+        if hidden:
+            expected += f"; {' or '.join(hidden)} needs a scan, or a further pass, that shows the faces of both plates"
+        raise InputError(f"{cloud.source}: groove '{groove}'", f"{shown}{root}: {expected}")
     found = next(one for one in get_args(GrooveType) if one == groove)
     return found, tuple(one for one in possible if one != groove), True
 

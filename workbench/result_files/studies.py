@@ -324,6 +324,7 @@ class MarginRow(Row):
     """Limiting depth at a point of a path, mm; null: none up to the largest that was looked at."""
 
     layer: Annotated[int, Field(ge=1)]
+    arc_length_mm: Number
     depth_mm: Number
     up_limit_mm: Unknown
     down_limit_mm: Unknown

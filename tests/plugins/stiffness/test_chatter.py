@@ -94,6 +94,9 @@ def test_the_posture_of_least_displacement_that_keeps_the_margin_is_chosen(cell,
 def test_where_no_posture_keeps_the_margin_the_gate_lets_nothing_through(cell, stiffness, plan, milled) -> None:
     push, _, robot = milled
     made, gate, file, _ = posture(cell, stiffness, plan, push, check_file(plan), robot, **FIXED, least_margin=50.0)
+    found, *_ = chatter(cell, robot, plan, push, made, most_layers=0)
+    told = json.loads(file.content)["constant"]["least_margin"]
+    assert told == pytest.approx(found.least_margin.min())  # not the one that was asked for
     assert not gate.passed
     assert "margin of 50 less U" in gate.reason
     assert any("no posture keeps a margin" in one for one in made.warnings)

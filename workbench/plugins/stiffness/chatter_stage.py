@@ -21,7 +21,7 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.ranges import LeastMargin, SizeMm, Stations, ToleranceMm
-from workbench.plugins.stiffness.margins import cuts_of, judged_limits, screen_limits, u_of_modes
+from workbench.plugins.stiffness.margins import JUDGED_MM, cuts_of, judged_limits, screen_limits, u_of_modes
 from workbench.plugins.stiffness.milling_choice import Bounds, Chosen, choose, speeds
 from workbench.plugins.stiffness.predict_stage import base_from_point
 from workbench.plugins.stiffness.values import MillingForce, PathStability, RobotModes
@@ -36,7 +36,7 @@ def chatter(
     postures: Postures,
     *,
     stations: Stations = 24,
-    largest_depth_mm: SizeMm = 100.0,
+    largest_depth_mm: SizeMm = JUDGED_MM,
     least_margin: LeastMargin = 1.5,
     force_relative_u: Annotated[float | None, Field(gt=0, le=5)] = None,
     most_layers: Annotated[int, Field(ge=0, le=100)] = 12,
@@ -88,9 +88,12 @@ def chatter(
     coupling = screen_limits(dynamics, cuts, 0, regeneration=False)
     by_modes = np.array([u_of_modes(cell.chain, modes, cuts, joints, way) for way in (0, 1)])
     u_log = np.hypot(by_modes, u_force if force_relative_u is None else force_relative_u)
+    along = np.zeros(len(postures.layer))
+    along[postures.layer != 0] = np.concatenate([one.arc_length_mm for one in toolpath.layers])
     found = PathStability(
         at=cuts.at,
         layer=postures.layer[cuts.at],
+        arc_length_mm=along[cuts.at],
         depth_mm=cuts.axial_mm,
         up_limit_mm=up,
         down_limit_mm=down,
@@ -134,6 +137,7 @@ def _document(found: PathStability, source: str, asked: float, more: dict[str, o
     columns = {
         "point": found.at,
         "layer": found.layer,
+        "arc_length_mm": found.arc_length_mm,
         "depth_mm": found.depth_mm,
         "up_limit_mm": found.up_limit_mm,
         "down_limit_mm": found.down_limit_mm,

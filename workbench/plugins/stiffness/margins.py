@@ -16,6 +16,7 @@ SAME_MM = 0.05  # radial depths that count as one
 STEP = 0.05  # of a logarithm, by which sensitivities are found
 FEWER = 3  # places at which a posture is screened, of the layer whose cut is widest
 LARGEST_MM = 500.0  # depth that is looked at
+JUDGED_MM = 100.0  # by the judge
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,20 +115,23 @@ def _by_depth(dynamics: Dynamics, cuts: Cuts, way: int, rule: Callable[[Dynamics
     return found
 
 
-def is_stable(
+def first_limit(
     dynamics: Dynamics, cuts: Cuts, way: int, depth_mm: Float, speeds: Sequence[float] = (1.0,), sure: float = 0.0
-) -> bool:
-    """Whether the judge finds no limit up to depths (m,), at the speed and at shares `speeds` of it.
+) -> float:
+    """Share of its depth, of (m,), at which the judge first finds a limit, at shares `speeds` of the speed; inf: none.
 
     Below `sure` times a depth the screen's word is taken.
     """
     share = screen_limits(dynamics, cuts, way) / depth_mm
-    return bool(share.min() >= sure) and not any(
-        np.isfinite(judged_limits(dynamics.at(i), replace(one, rpm=cuts.rpm * by), way, depth_mm[i])[0])
-        for i in np.argsort(share).tolist()  # what fails, fails at once
-        for one in [cuts.only(np.array([i]))]
-        for by in speeds
-    )
+    if share.min() < sure:
+        return float(share.min())
+    for i in np.argsort(share).tolist():  # what fails, fails at once
+        for by in speeds:
+            one = replace(cuts.only(np.array([i])), rpm=cuts.rpm * by)
+            limit = judged_limits(dynamics.at(i), one, way, depth_mm[i])[0]
+            if np.isfinite(limit):
+                return float(limit / depth_mm[i])
+    return np.inf
 
 
 def u_of_modes(chain: Chain, modes: RobotModes, cuts: Cuts, joints: Float, way: int = 0) -> Float:
@@ -173,12 +177,24 @@ class Steadiness:
             left[good] *= np.exp(-COVERAGE * self._u(cuts.only(worst[good]), flat[worst[good]]))
         return least, left
 
-    def holds(self, joints: Float, motion: Float) -> bool:
-        """Whether the judge finds the margin less U everywhere: postures (n, 6) at all points, motions (n, 4, 4)."""
+    def falls_to(self, joints: Float, motion: Float) -> float:
+        """The margin less U that the judge finds where it is first below the one asked; infinite: it nowhere is.
+
+        Postures (n, 6) at all points, motions (n, 4, 4).
+        """
+        cuts, dynamics, by_u = self._judged(joints, motion)
+        return self.asked * first_limit(dynamics, cuts, 0, self.asked * by_u * cuts.axial_mm)
+
+    def least(self, joints: Float, motion: Float) -> float:
+        """The least margin less U all along the path, as `stiffness.chatter` finds it; infinite: no limit is near."""
+        cuts, dynamics, by_u = self._judged(joints, motion)
+        return float((judged_limits(dynamics, cuts, 0, JUDGED_MM) / cuts.axial_mm / by_u).min())
+
+    def _judged(self, joints: Float, motion: Float) -> tuple[Cuts, Dynamics, Float]:
+        """The places at which the judge looks, and by how much U divides their margins."""
         some = self.cuts.spread(self.stations)
         there, q = some.in_motion(motion[None, some.at]), joints[some.at]
-        needed = self.asked * np.exp(COVERAGE * self._u(there, q)) * there.axial_mm
-        return is_stable(there.dynamics(self.cell.chain, self.modes, q), there, 0, needed)
+        return there, there.dynamics(self.cell.chain, self.modes, q), np.exp(COVERAGE * self._u(there, q))
 
     def _u(self, cuts: Cuts, joints: Float) -> Float:
         return np.hypot(

@@ -15,7 +15,7 @@ import numpy as np
 from workbench.api import COVERAGE, DEG, Cell, Float, Int, Shaped, Toolpath
 from workbench.plugins.stiffness.elastic import MM
 from workbench.plugins.stiffness.force_stage import mean_matrices
-from workbench.plugins.stiffness.margins import Cuts, is_stable
+from workbench.plugins.stiffness.margins import Cuts, first_limit
 from workbench.plugins.stiffness.stability import Dynamics
 
 DIRECTIONS = ("up", "down")  # as the path runs, and backwards
@@ -107,7 +107,7 @@ def choose(
             option = _option(toolpath, met, row, layers, time_s, np.where(final[:, None], give[:, 0], 0.0))
             fails = _beyond(cell, toolpath, option, bounds)
             needed = bounds.margin * np.exp(COVERAGE * bounds.u_log[row]) * met.axial_mm
-            if not fails and not is_stable(dynamics, met, row, needed, SPEEDS, SURE):
+            if not fails and np.isfinite(first_limit(dynamics, met, row, needed, SPEEDS, SURE)):
                 fails = "chatter"
             if not fails:
                 best[way] = option

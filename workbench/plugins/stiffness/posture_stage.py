@@ -299,7 +299,7 @@ def _best(
             refused.append(error)
             continue
         examined += choice.examined
-        if best is None or (choice.steady, -choice.mean) > (best[2].steady, -best[2].mean):
+        if best is None or choice.rank > best[2].rank:
             best = examiner, traversed, choice, over
     if best is None:
         raise refused[0]
@@ -386,7 +386,8 @@ def _gate(gate: PathGate | None, found: Found, force: MillingForce) -> PathGate 
 
 def posture_document(found: Found) -> Document:
     """`points` are the layers' in their order; `travels` those of the travel moves, which come in between."""
-    made, kept = found.postures, found.choice.steady  # from chatter, of the constant pair, less U; infinite: null
+    made, kept = found.postures, found.choice.steady
+    # From chatter, less U, as `stiffness.chatter` has it; infinite: null.
     margin = {"least_margin_asked": found.asked, "least_margin": found.choice.margin, "margin_kept": kept}
     return result_file(
         "posture.json",

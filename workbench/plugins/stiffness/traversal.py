@@ -347,13 +347,14 @@ class Examiner:
             found[:, some] = self.keeps.margins(joints, self.points.motion(self.cell, of[2], of[0]))
         return found
 
-    def steady(self, joints: Float, table: float) -> bool:
-        """Whether joints (n, 6) at all points keep the margin from chatter, as its judge sees it."""
-        if self.keeps is None:
-            return True
-        return self.keeps.holds(
-            joints, self.points.motion(self.cell, np.full(len(joints), table), np.arange(len(joints)))
-        )
+    def falls_to(self, joints: Float, table: float, *, everywhere: bool = False) -> float:
+        """The judge's margin from chatter less U of joints (n, 6) at all points, where it is first below the one asked.
+
+        Infinite where it nowhere is. everywhere: the least all along the path, whatever was asked.
+        """
+        assert self.keeps is not None
+        motion = self.points.motion(self.cell, np.full(len(joints), table), np.arange(len(joints)))
+        return (self.keeps.least if everywhere else self.keeps.falls_to)(joints, motion)
 
     def cost(self, joints: Float, table: Float, at: Int) -> Float:
         """Displacement (m,), or awkwardness where no springs are known, at points `at` (m,) with joints (m, 6)."""
@@ -422,7 +423,12 @@ class Choice:
     examined: int  # cells that were better or equal, itself included, each configuration by itself
     of: int  # cells of the grid
     steady: bool = True  # the margin from chatter that was asked for is kept
-    margin: float | None = None  # from chatter less U, of the screen; None: not asked for
+    margin: float | None = None  # from chatter less U, as its judge has it; None: not asked for
+
+    @property
+    def rank(self) -> tuple[bool, float]:
+        """Greater of the better one: the lower cost, or where none keeps the margin from chatter the greater margin."""
+        return self.steady, -self.mean if self.steady or self.margin is None else self.margin
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -465,12 +471,12 @@ def search(
         progress(start / len(ranked))
         free = flat[state.examine(flat, first=True) == FREE]
         for one in free[state.steady(free)].tolist():
-            if state.choose(one, unsteady=False):
+            if state.is_driven(one) and state.keeps_margin(one):
                 return state.choice(one), state.map()
         start, size = start + size, min(2 * size, LARGEST_CHUNK)
-    short = np.flatnonzero(np.isfinite(state.margin[1]) & (state.cause == FREE))
-    for one in short[np.argsort(-state.margin[1, short])].tolist():
-        if state.choose(one, unsteady=True):
+    while not np.isnan(short := np.where(state.cause == FREE, state.margin[1], np.nan)).all():
+        one = int(np.nanargmax(short))
+        if state.is_driven(one) and state.is_greatest(one):
             return replace(state.choice(one), steady=False), state.map()
     raise InputError(examiner.points.source, _why_not(state.map(), allowed))
 
@@ -531,23 +537,32 @@ class _State:
             self.margin[:, new] = self.examiner.margins(*self.place(new))
         return np.asarray(self.margin[1, flat] >= keeps.asked)
 
-    def choose(self, one: int, *, unsteady: bool) -> bool:
-        """Whether a free cell is so as it is driven and, unless `unsteady`, as chatter's judge sees it."""
+    def is_driven(self, one: int) -> bool:
+        """Whether a free cell is so as it is driven."""
         which, rotation, table = self.place(one)
         self.driven, cause, hit = self.examiner.driven(int(which), rotation, table)
         if cause != FREE:
             self.note(np.array([one]), np.array([[cause], [hit], [EVERY_POINT]]))
-        elif not (unsteady or self.examiner.steady(self.driven, table)):
-            assert self.examiner.keeps is not None
-            self.margin[1, one] = np.nextafter(self.examiner.keeps.asked, 0.0)  # the judge overrules the screen
-        else:
+        return bool(cause == FREE)
+
+    def keeps_margin(self, one: int) -> bool:
+        """Whether the cell that was driven last keeps the margin by chatter's judge, who overrules the screen."""
+        if self.examiner.keeps is None:
             return True
-        return False
+        margin = self.examiner.falls_to(self.driven, self.place(one)[2])
+        if np.isfinite(margin):
+            self.margin[1, one] = margin
+        return not np.isfinite(margin)
+
+    def is_greatest(self, one: int) -> bool:
+        """Whether no other free cell may have a greater margin than the one that was driven last has by the judge."""
+        self.margin[1, one] = self.examiner.falls_to(self.driven, self.place(one)[2], everywhere=True)
+        return bool(self.margin[1, one] >= np.nanmax(np.where(self.cause == FREE, self.margin[1], np.nan)))
 
     def choice(self, one: int) -> Choice:
         """The cell that was driven last."""
         which, rotation, table = self.place(one)
-        margin = None if self.examiner.keeps is None else self.margin[1, one]
+        margin = None if self.examiner.keeps is None else self.examiner.falls_to(self.driven, table, everywhere=True)
         joints, of, mean = self.driven, self.grid.said[0].size, self.grid.mean.reshape(-1)[one]
         return Choice(rotation, float(table), int(which), joints, mean, self.examined, of, margin=margin)
 

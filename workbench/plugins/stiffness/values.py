@@ -76,6 +76,7 @@ class PathStability:
 
     at: Shaped[Int, " m"]  # of the postures' points
     layer: Shaped[Int, " m"]
+    arc_length_mm: Shaped[Float, " m"]  # along the edge
     depth_mm: Shaped[Float, " m"]  # of the cut, along the cutter
     up_limit_mm: Shaped[Float, " m"]  # as the path runs
     down_limit_mm: Shaped[Float, " m"]  # the path run backwards
@@ -93,12 +94,14 @@ class PathStability:
     @property
     def words(self) -> str:
         """Limits at the worst place."""
+        k = self.worst
         up, down = (
             f"from {limit:.2g} mm" if np.isfinite(limit) else f"none up to {self.largest_mm:g} mm"
-            for limit in (self.up_limit_mm[self.worst], self.down_limit_mm[self.worst])
+            for limit in (self.up_limit_mm[k], self.down_limit_mm[k])
         )
+        where = f"{self.arc_length_mm[k]:.0f} mm along layer {self.layer[k]}, {self.depth_mm[k]:.1f} mm deep"
         return (
-            f"At the worst place, {self.depth_mm[self.worst]:.1f} mm deep: milling up (as the path runs) chatter {up}; "
+            f"At the worst place, {where}: milling up (as the path runs) chatter {up}; "
             f"milling down (the path backwards) {down}"
         )
 

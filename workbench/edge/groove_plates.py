@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.ndimage
 
 from workbench.artefacts import Cloud
 from workbench.edge.column_errors import Linearity, notes_of, without_column_errors
@@ -36,6 +37,7 @@ LAST_COLUMNS = 20  # of a face, among which those without return are counted
 NEARER_MM, NEARER_RETURNS = 0.5, 3  # what hides an end: so much above the last return, so many returns of it in a row
 THIRD = 3  # return beyond an upper surface's end
 NEAR_RETURNS = 30  # of an upper surface, that tell how far apart its returns lie
+NEIGHBOURS = 9  # frames, of which the middle one tells how far an edge is rounded
 RADIUS_MM = 4.0  # of a fillet, before one is known
 
 
@@ -262,7 +264,7 @@ def _plate(view: _View, sections: Sequence[SectionLines], images: Sequence[FaceI
         float(np.median(pitch * [_without_return(*one, view.which) for one in zip(columns, sides, strict=True)])),
         _next_up(view),
         steps / pitch,
-        np.array([side.rounded_mm for side in sides]),
+        scipy.ndimage.median_filter(np.array([side.rounded_mm for side in sides]), NEIGHBOURS, mode="nearest"),
         lever,
         fillets,
         lowest,

@@ -209,3 +209,12 @@ def test_a_strip_of_the_upper_surface_is_no_root_face():
     assert (np.abs(values(found, "root_mm") - 1.5) < 3 * values(found, "root_u_mm")).all()
     assert (np.abs(values(found, "bevel_deg") - 40.0) < 3 * values(found, "bevel_u_deg")).all()
     assert any(one.name == "told_by_nominal" for one in edge.unseen)
+
+
+@pytest.mark.parametrize("how", ["again", "reversed", "rounded", "half"])
+def test_points_that_stand_twice_in_a_cloud_are_no_further_returns(scanned, how: str):
+    """Each counted twice: u fell by the root of two, to a bevel 4 u off, with a plain pass."""
+    points = points_of(scanned().cloud)
+    more = {"again": points, "reversed": points[::-1], "rounded": points.round(3), "half": points[: len(points) // 2]}
+    with pytest.raises(InputError, match="stand in the cloud more than once"):
+        segment_cloud(PointSet(np.concatenate([points, more[how]]), "a.ply"))

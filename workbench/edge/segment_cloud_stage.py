@@ -62,7 +62,7 @@ from workbench.units import DEG, Bool, Float
 # What a slice counts for the root face beside a scan line: neighbouring slices cut the same few lines, so that where
 # their last points lie is no new draw in each.
 SLICE_WEIGHT = 0.2
-COARSE_MM, FEW = 0.1, 100_000  # several times a profiler's noise; points that tell a rounding
+COARSE_MM, FEW = 0.04, 100_000  # some times a profiler's noise; points that tell a rounding
 LEAST_POINTS, MOST_MM, FAR_MM = 100, 30_000.0, 1e10
 OTHER_SOFTWARE = Unseen(
     "other_software",
@@ -125,6 +125,7 @@ def segment_cloud(
     """
     _check_extent(points)
     with _rounding_as_cause(points):
+        _check_copies(points)
         recovered = recovered_grid(points) if use_order else None
         if upper_side is not None:
             if recovered is None:
@@ -204,6 +205,20 @@ def _check_extent(points: PointSet) -> None:
         )
 
 
+def _check_copies(points: PointSet) -> None:
+    """Refuse a cloud that holds points again: they would count as further returns."""
+    found = points.points_mm
+    probes = found[:: 1 + len(found) // PROBES]
+    squares = (np.partition(((found - one) ** 2).sum(axis=1), (1, EIGHTH)) for one in probes)
+    share = float(np.mean([one[1] <= COPY**2 * one[EIGHTH] for one in squares]))
+    if share > COPIED:
+        raise InputError(
+            points.source,
+            f"{100 * share:.0f} % of the points stand in the cloud more than once: expected each point once; "
+            "was a scan merged with itself, or a file read twice?",
+        )
+
+
 def _of_slices(edge: MilledEdge, passes: Traces, robot_noise_mm: float) -> MilledEdge:
     """The edge with what slices do not know taken off its certainty, and a note of it."""
     # Passes may see one end of the root face each, and differ by the noise of two positions.
@@ -236,6 +251,9 @@ def _noise_slope(face: FaceLines) -> float:
 
 # A cloud without scan lines as an organised one: sliced across its edge, seen from where its faces show best.
 
+PROBES = 32  # points of which copies are looked for
+EIGHTH, COPY = 8, 0.02  # neighbour whose distance tells how densely points lie, and the share of it for a copy
+COPIED = 0.2  # share of the points
 SAMPLE = 4000  # points whose neighbours tell how densely they lie
 NEIGHBOURS = 16  # at the least; as few as spread both ways
 THICKER = 1.5  # than one point a cell asks for: points on lines do not spread evenly over the slices
@@ -329,7 +347,7 @@ def spacing(points: PointSet, at_mm: Float | None = None) -> Spacing:
 
     Where points lie on lines the neighbours are those of the line, and the slices are as thick as the lines are apart:
     the density is that of so many neighbours that they spread both ways, at most about the root of all points.
-    at_mm (k, 3): near which points to look; at all if None. Raises InputError where points repeat each other.
+    at_mm (k, 3): near which points to look; at all if None.
     """
     tree = scipy.spatial.cKDTree(points.points_mm)
     at = points.points_mm if at_mm is None else points.points_mm[tree.query(at_mm)[1]]
@@ -343,8 +361,6 @@ def spacing(points: PointSet, at_mm: Float | None = None) -> Spacing:
         is_line = breadth < 0.5 * length
     area = float(np.median(np.pi * distance[:, -1] ** 2)) / neighbours  # of the surface, a point
     width = float(np.median(distance[:, 1]))
-    if not width > 0.0:
-        raise InputError(points.source, "most points stand in the cloud more than once: expected each point once")
     return Spacing(width, max(THICKER * area / width, width))
 
 

@@ -27,7 +27,6 @@ from workbench.geometry.curves import Curve, along_motion, fit_curve
 from workbench.geometry.poses import inverse
 from workbench.units import TO_SD, Bool, Float, Int, Shaped
 
-BLIND_SHARE = 0.5  # of profiles: the ends beside true gaps share their columns in up to 0.02, beside blind ones in all
 SAMPLE = 24  # profiles that show which way is up
 FEW, COLUMNS = 10, 400  # profiles that show whether there are two plates, and about how many columns of each
 LOOKED_AT = 100  # and eight times as many profiles, among which these are
@@ -54,6 +53,7 @@ class ReadFrames:
     unread: float  # share of those with two plates of which a face could not be read
     compound: float  # share of those in which a plate shows two faces
     agreement: float  # share of the profiles with a face that show the kind that most do, of the worse side
+    blind: float  # share of those in which nothing but the same columns parts the plates, which return nothing
 
     def only(self, keep: Bool) -> ReadFrames:
         """Of the profiles marked in `keep` (n,)."""
@@ -112,12 +112,8 @@ def read_frames(cloud: Cloud) -> ReadFrames:
     good = [k for k, on in zip(good, steady, strict=True) if on]
     kept = [one for k in good if (one := read[k]) is not None]
     ends = np.array([profiles[k][2][[a.last, b.last]] for k, (a, b) in zip(good, kept, strict=True)])
-    if left == right == "edge" and (ends == np.median(ends, axis=0)).all(axis=1).mean() > BLIND_SHARE:
-        raise InputError(
-            cloud.source,
-            "expected two plates with a groove between them: what parts them lies in the same columns of all profiles, "
-            "which return nothing: dirt on the window, or on the sensor?",
-        )
+    parted = [a.last + 1 == b.last for a, b in kept]  # by nothing that returns
+    blind = (ends == np.median(ends, axis=0)).all(axis=1) & parted if left == right == "edge" else np.zeros(1)
     numbers = np.array([frames[k] for k in good], np.int64)
     return ReadFrames(
         numbers,
@@ -130,6 +126,7 @@ def read_frames(cloud: Cloud) -> ReadFrames:
         unread,
         compound,
         min(agree_left, agree_right),
+        float(blind.mean()),
     )
 
 

@@ -35,6 +35,7 @@ END_SHARE, ROUNDED_U_MM = 0.6, 0.03  # of an upper surface that ends above a fac
 # hold what three of a known one do.
 SURELY = 1.4
 TOGETHER_STEPS = 2.0  # ends further off the others are lost, or hidden by a weld
+BESIDE_COLUMNS = 1.5  # by which two ends may lie off their own places, as each is known to a column
 WAVE_MM = 20.0  # of length, for each degree of a rough course
 LEAST_LOST, MOST_LOST = 0.05, 0.6  # share of a face's columns without return
 CLEAR_MM = 0.3  # by which the line of sight must clear the other plate
@@ -148,7 +149,11 @@ class GrooveSizes:
                 column = typical(one.edge_step)
                 near = self._together(towards, np.isfinite(towards), 2.0 * column, column)
                 own = own_places(self.s, np.where(near, towards, np.nan), one.edge_step**2 / 6.0)
-                near &= own > 0.5
+                kept = np.flatnonzero(near & (own > 0.5))
+                kept = kept[np.argsort(self.s[kept])]
+                if kept.size:  # a column's width more or less is in u
+                    off = towards - np.interp(self.s, self.s[kept], towards[kept])
+                    near &= np.abs(off) < BESIDE_COLUMNS * column
                 self.plates[k] = replace(one, end=np.where(near[:, None], one.end, np.nan))
 
     def _section(

@@ -51,6 +51,11 @@ BENEATH += "so that gap and depth are known bluntly: give `groove`"
 COVERED = "what lies between the plates joins their faces, a weld or a backing strip: where these end is not told"
 CUT = "in {:.0f} % of the profiles a plate ends behind something nearer, or beside a column that hardly ever returns, "
 CUT += "over which it moves: a cable, blind columns or the sensor's window end what is seen; these ends are not told"
+# Of profiles: beside gaps that wander in the view up to 0.02 share their columns, beside blind columns all.
+BLIND_SHARE = 0.5
+BLIND = "expected two plates with a groove between them: what parts them lies in the same columns of all profiles, "
+BLIND += "which return nothing: dirt on the window, or on the sensor? Or a groove that the robot follows well: give "
+BLIND += "`groove`"
 KNIVES = ("V", "HV")  # types whose bevels reach the plate's lower surface
 Given = Literal["auto", "I", "V", "Y", "HV", "HY", "X", "K", "U", "J"]
 
@@ -86,6 +91,8 @@ def segment_groove(
         'Y'
     """
     read = read_frames(cloud)
+    if groove == "auto" and read.blind > BLIND_SHARE:
+        raise InputError(cloud.source, BLIND)
     kinds = read.kinds
     checks = _read_checks(read, limits)
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")

@@ -14,6 +14,7 @@ from workbench.checks.residuals import UNSEEN_S
 from workbench.checks.window import PINNED
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.last_returns import is_free_end
+from workbench.geometry.along import by_pass
 from workbench.geometry.grids import columns_beyond, dark_beyond
 from workbench.geometry.poses import in_planes, rotation_from_vector
 from workbench.geometry.silhouette import MISSES
@@ -51,6 +52,8 @@ BY_WINDOW = Unseen(
     "sensor's window ends, or columns of it are blind. A scan that moves sideways by some columns on its way tells.",
     is_doubt=True,
 )
+
+MIRRORS = np.array([np.diag([-1.0, 1.0, 1.0]), np.diag([1.0, 1.0, -1.0])])  # of a profile's x or z
 
 THICKNESS_U_MM = 0.02  # of a plate's thickness by a micrometer, here and there along the edge
 BY_THICKNESS = {BY_BACKING.name, BY_WINDOW.name, "lost_columns", "shadow"}  # what the plate's thickness settles
@@ -100,7 +103,11 @@ def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge, *, is_sharp
                 section.change(turns, root),
             )
         )
-    found += _by_frame_order(cloud, edge)
+    turned = next((one.value for one in cloud.checks if one.name == "flange_turn_deg"), None)
+    if turned is not None and turned < TURNS_DEG:
+        mirrored = f"Mirrored axes of profiler or robot: the flange rotates by {turned:.1f}° only."
+        found.append(Unseen("mirrored_axes", mirrored, section.change(list(MIRRORS), root)))
+        found += _by_frame_order(cloud, edge, turned)
     scales = [np.diag([1.0 + SCALE, 1.0, 1.0]), np.diag([1.0, 1.0, 1.0 + SCALE])]
     return (
         *found,
@@ -205,10 +212,11 @@ def by_window(check: Check) -> tuple[Unseen, ...]:
 class _Section:
     """The two faces of some frames (f,): their slopes in the profiler frame, and its orientation beside the edge's."""
 
-    def __init__(self, slopes: Shaped[Float, "2 f"], base_from_profiler: Float, tangent: Float) -> None:
+    def __init__(self, slopes: Shaped[Float, "2 f"], base_from_profiler: Float, tangent: Float, drift: Float) -> None:
+        """drift (f, 3): mm in the profiler frame by which the faces move a mm along the edge."""
         self.slopes = slopes
         self._turn = base_from_profiler
-        self._tangent = tangent
+        self._tangent, self._drift = tangent, drift
         self._before = self._shape(np.eye(3))
 
     @classmethod
@@ -221,13 +229,20 @@ class _Section:
         rows = rows[:: max(1, rows.size // MOST_FRAMES)]
         station = np.abs(edge.frame_arc_length_mm[rows, None] - edge.arc_length_mm[None]).argmin(axis=1)
         slopes = np.array([one.slope[rows] for one in faces])
-        return cls(slopes, cloud.base_from_profiler[rows, :3, :3], edge.tangent[station])
+        drift, s = np.zeros((rows.size, 3)), edge.frame_arc_length_mm[rows]
+        place = np.stack([faces[0].x_mean[rows], faces[0].z_mean[rows]], axis=1)
+        for here in by_pass(cloud.pass_index[rows]):
+            if np.ptp(s[here]) > 0.0:
+                drift[here, ::2] = np.polyfit(s[here], place[here], 1)[0]
+        return cls(slopes, cloud.base_from_profiler[rows, :3, :3], edge.tangent[station], drift)
 
     def _shape(self, profiler: Shaped[Float, "3 3"]) -> tuple[Float, Float]:
         """Length (f,) of the root face in the section by that in the frame, and bevel angle (f,) in rad."""
         lines = np.stack([np.ones_like(self.slopes), np.zeros_like(self.slopes), self.slopes], axis=-1)
         rotated = np.einsum("fij,jk,nfk->nfi", self._turn, profiler, lines)
-        across = rotated - np.einsum("nfi,fi->nf", rotated, self._tangent)[..., None] * self._tangent
+        tangent = self._tangent + np.einsum("fij,jk,fk->fi", self._turn, profiler - np.eye(3), self._drift)
+        tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+        across = rotated - np.einsum("nfi,fi->nf", rotated, tangent)[..., None] * tangent
         length = np.linalg.norm(across, axis=-1)
         cosine = (across[0] * across[1]).sum(axis=-1) / (length[0] * length[1])
         return length[0] / np.linalg.norm(lines[0], axis=-1), np.arccos(np.clip(cosine, -1.0, 1.0))
@@ -245,13 +260,12 @@ class _Section:
         }
 
 
-def _by_frame_order(cloud: Cloud, edge: MilledEdge) -> list[Unseen]:
+def _by_frame_order(cloud: Cloud, edge: MilledEdge, turned: float) -> list[Unseen]:
     """That the frames of one pass came in the order of its poses, where values differ by more than U from either end.
 
     A plate that passes does so in either order, so that no verdict rests on it: values lie in another place.
     """
-    turned = next((one.value for one in cloud.checks if one.name == "flange_turn_deg"), None)
-    if turned is None or turned >= TURNS_DEG or np.unique(cloud.pass_index).size > 1:
+    if np.unique(cloud.pass_index).size > 1:
         return []
     sizes = edge.root, edge.bevel
     apart = {one.name: float(np.nanmax(np.abs(one.value - one.value[::-1]), initial=0.0)) for one in sizes}

@@ -148,9 +148,17 @@ def test_a_plates_edge_is_no_groove(kind: str) -> None:
 
 
 def changed(
-    kind: str, part: dict[str, object], lean_deg: float = 0.0, robot: dict[str, object] | None = None
+    kind: str,
+    part: dict[str, object],
+    lean_deg: float = 0.0,
+    robot: dict[str, object] | None = None,
+    *,
+    is_followed: bool = False,
 ) -> tuple[Recording, GrooveTruth]:
-    """A random groove, straight, with another part and robot; the view leans over the left plate."""
+    """A random groove, straight, with another part and robot; the view leans over the left plate.
+
+    is_followed: to a column, and single returns are lost.
+    """
     recipe = random_groove_recipe(kind, SEED).model_dump(mode="json")
     recipe["part"] |= {"spine": {"length_mm": 60.0}, "upper_radius_mm": 0.0, **part}
     recipe["scanner"] |= {"columns": 640, "pitch_mm": 0.06, "apex_mm": None, "near_mm": 50.0, "far_mm": 400.0}
@@ -163,6 +171,10 @@ def changed(
         "follow": "line",
     }
     recipe["robot"] |= robot or {}
+    if is_followed:
+        recipe["passes"][0]["skew_mm"] = [0.0, 0.0]
+        recipe["robot"] |= {"pose_noise_mm": 0.0, "pose_noise_deg": 0.0}
+        recipe["losses"] |= {"block_share": 0.0, "outlier_share": 0.0}
     return simulate_groove(GrooveRecipe.model_validate(recipe))
 
 
@@ -213,6 +225,19 @@ def test_a_type_of_which_the_view_hides_a_bevel_is_named_beside_a_root_face() ->
     assert max(abs(error) / u for _, error, u in errors(inspect_groove(groove), truth)) < 3.5
     with pytest.raises(InputError, match="Y or X needs a scan, or a further pass"):
         segment_groove(cloud, groove="Y")
+
+
+def test_plates_whose_ends_stay_in_their_columns_are_measured_where_a_groove_is_declared() -> None:
+    """They were refused as dirt on the window; a stretch where an end lies in the next column was left out."""
+    part = {"thickness_mm": flat(8.0), "gap_mm": flat(2.0), "misalignment_mm": flat(0.0), "background_mm": 300.0}
+    recording, truth = changed("I", part, is_followed=True)
+    cloud = denoise(fuse(recording))
+    with pytest.raises(InputError, match="dirt on the window"):
+        segment_groove(cloud)
+    groove = segment_groove(cloud, groove="I")
+    assert np.isfinite(groove.sizes["gap_mm"].value).all()
+    assert [one.name for one in groove.unseen] == ["window_end"]
+    assert max(abs(error) / u for _, error, u in errors(inspect_groove(groove), truth)) < 3.0
 
 
 def test_the_flange_is_above_plates_with_nothing_seen_between_them() -> None:

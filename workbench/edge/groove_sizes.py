@@ -253,7 +253,13 @@ class GrooveSizes:
         ends, none = {}, np.zeros(self.at.size)
         for k, (name, one) in enumerate(zip(NAMES, self.plates, strict=True)):
             if one.kind in UNSEEN:
-                ends[f"{name}:edge"] = Place(none, none, one.edge_step**2 / 12.0, returns_u=self._edge_u(one))
+                ends[f"{name}:edge"] = Place(
+                    none,
+                    none,
+                    one.edge_step**2 / 12.0,
+                    returns_u=self._edge_u(one),
+                    column=typical(one.edge_step),
+                )
             if one.kind in PREPARED:
                 ends[f"{name}:reach"] = self._end_of(k)
             if one.kind in ROUND:

@@ -70,6 +70,7 @@ class Place(NamedTuple):
     form_u: float = 0.0  # by the form of a fillet
     returns_u: Float | float = 0.0  # by where the returns end
     alike_u: float = 0.0  # by how columns see an end, alike at all of them
+    column: float = 0.0  # mm by which it steps from frame to frame
     unlit: float = 0.0  # it may lie so much farther or nearer, in a shadow
 
 
@@ -194,7 +195,8 @@ class JointLines:
             by = {key: abs(typical(other[name] - value, 0.0)) / STEP_MM for key, other in moved.items()}
             moves = [(ends[key], move) for key, move in by.items() if move > LEAST_MOVE]
             variance = sum(move**2 * one.variance for one, move in moves)
-            found = self.course(name, value, own[name], variance)
+            step = sum(move * one.column for one, move in moves)
+            found = self.course(name, value, own[name], variance, step)
             out[name] = self._length(name, found, follow[name], moves)
         return out
 
@@ -228,9 +230,16 @@ class JointLines:
         return out
 
     def course(
-        self, name: str, value: Float, slopes: list[tuple[float, float]], variance: Float | float = 0.0
+        self,
+        name: str,
+        value: Float,
+        slopes: list[tuple[float, float]],
+        variance: Float | float = 0.0,
+        step: float = 0.0,
     ) -> Smooth:
-        """A length's values (N,) along the joint; variance (N,): what they have beside that of the faces' places.
+        """A length's values (N,) along the joint.
+
+        variance (N,): what they have beside that of the faces' places; step: by which ends of columns move them.
 
         NaN where no frame that agrees with it is near.
 
@@ -246,7 +255,7 @@ class JointLines:
             raise InputError(
                 self.source, f"expected at least {LEAST_FRAMES} profiles that show {name}, found {shown}: no joint?"
             )
-        course = fit_course(self.along.s, value, total, self.along.group, shared=ROUGH)
+        course = fit_course(self.along.s, value, total, self.along.group, shared=ROUGH._replace(step=step))
         if course.kept.sum() < LEAST_FRAMES:
             raise InputError(self.source, f"{name} is another one in every profile: no joint?")
         left = value - course.value(self.along.safe)

@@ -17,6 +17,7 @@ from workbench.batch.fleet import (
     worst_first,
 )
 from workbench.batch.part import Record
+from workbench.batch.run import Batch, print_batch
 
 NEEDS = {
     "root_nominal_mm": 1.5,
@@ -98,6 +99,13 @@ def test_a_recording_that_is_copied_is_told() -> None:
     text = fleet_files(parts, "")["fleet.html"].decode()
     assert text.count("the same recording as") == 1
     assert "the same recording as a, byte for byte" in text
+
+
+def test_a_part_number_that_two_recordings_have_is_told_by_the_page_and_the_terminal(capsys) -> None:
+    parts = tuple(part(name, [1.5, 1.5], part_id=number) for name, number in (("a", "7"), ("b", "8"), ("c", "7")))
+    assert fleet_files(parts, "")["fleet.html"].decode().count("has part number 7 as a has") == 1
+    print_batch(Batch(parts, "out", ()))
+    assert capsys.readouterr().out.count("has part number 7 as a has") == 1
 
 
 def test_the_page_needs_nothing_else() -> None:

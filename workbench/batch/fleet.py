@@ -27,6 +27,7 @@ from workbench.plot import Axes, Figure
 from workbench.units import COVERAGE, Float, Int, Shaped
 
 COPIED = "the same recording as {}, byte for byte, and counted again"
+NUMBERED = "has part number {} as {} has"
 ROWS = 2000  # parts in the table of the page; the rest are in fleet.parquet
 SHOWN = 25  # of them at once; the others unfold
 SIGNALS = 60  # of run rules in the page
@@ -115,12 +116,17 @@ def row(record: Record, place: int, margin: Any, section: Any) -> dict[str, Any]
 
 
 def with_copies(records: Sequence[Record]) -> list[Record]:
-    """The records; one whose recording is that of a part before, byte for byte, says so in its cause."""
-    first, found = dict[str, str](), list[Record]()
+    """The records; one whose recording, byte for byte, or part number is that of a part before says so in its cause."""
+    first, numbered, found = dict[str, str](), dict[str, str](), list[Record]()
     for one in records:
         digest = next((given["sha256"] for given in one.inputs if given["name"] == RECORDING), None)
         before = first.setdefault(digest, one.part) if digest else one.part
-        cause = [one.cause] * bool(one.cause) + [COPIED.format(before)] * (before != one.part)
+        alike = numbered.setdefault(one.part_id, one.part) if one.part_id else one.part
+        cause = [one.cause] * bool(one.cause)
+        if before != one.part:
+            cause.append(COPIED.format(before))
+        elif alike != one.part:
+            cause.append(NUMBERED.format(one_line(one.part_id or ""), alike))
         found.append(replace(one, cause="; ".join(cause)))
     return found
 

@@ -346,10 +346,11 @@ COLOURS = {"passed": "green", "rejected": "red"}
 
 def print_batch(made: Batch) -> None:
     """The parts that did not pass, worst first; the counts; the files."""
-    from workbench.batch.fleet import worst_first  # which the page has loaded
+    from workbench.batch.fleet import with_copies, worst_first  # which the page has loaded
 
     console = Console(highlight=False)
-    worth = [record for record in worst_first(made.records) if record.outcome != "passed" or record.verdict != "pass"]
+    told = worst_first(with_copies(made.records))
+    worth = [record for record in told if record.outcome != "passed" or record.verdict != "pass" or record.cause]
     if worth:
         console.print(_table(worth[:SHOWN]))
     if len(worth) > SHOWN:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from workbench.pipeline.run import Results
+
+
+SELDOM_S = 15.0  # between two words on how far a stage is, in a stream that keeps them all
 
 
 class Reporter:
@@ -49,6 +53,7 @@ class Lines(Reporter):
         self.stream = stream
         self.live = stream.isatty()
         self.label = ""  # of the stage that is running
+        self.told_s = 0.0  # when something was last shown of it
 
     def begin(self, index: int, count: int, name: str) -> None:
         """Show which stage is running."""
@@ -56,9 +61,12 @@ class Lines(Reporter):
         self._show(self.label)
 
     def fraction(self, done: float) -> None:
-        """Show how far it is, where a line can be rewritten."""
+        """Show how far it is: anew where a line can be rewritten, else now and then behind it."""
+        percent = f"{100 * min(max(done, 0.0), 1.0):3.0f} %"
         if self.live:
-            self._show(f"\r{self.label} {100 * min(max(done, 0.0), 1.0):3.0f} %")
+            self._show(f"\r{self.label} {percent}")
+        elif time.monotonic() - self.told_s > SELDOM_S:
+            self._show(f" {percent.strip()}")
 
     def end(self, seconds: float) -> None:
         """Show how long it took."""
@@ -81,6 +89,7 @@ class Lines(Reporter):
 
     def _show(self, text: str) -> None:
         with suppress(OSError):  # a run does not fail because nobody can watch it
+            self.told_s = time.monotonic()
             self.stream.write(text)
             self.stream.flush()
 

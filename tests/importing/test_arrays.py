@@ -55,21 +55,22 @@ def test_an_array_stands_for_one_thing(tmp_path: Path, imported: Any, mapped: An
         imported(tmp_path / "a.npz", mapping=mapped(arrays={"x": "z"}))
 
 
-@pytest.mark.parametrize("source", ["travel", "rate"])
+@pytest.mark.parametrize("source", ["travel", "travel that falls", "rate"])
 def test_frames_without_times_go_by_the_way_or_evenly(
     source: str, tmp_path: Path, capsys: Any, imported: Callable[..., Recording]
 ) -> None:
     """Every second frame: by travel each lies where the flange had gone as far, by rate they fill the poses' time."""
-    some = {"travel": WAY_MM[4:21:2]} if source == "travel" else {}
+    from_mm, sign = (90.0, -1.0) if source == "travel that falls" else (0.0, 1.0)
+    some = {} if source == "rate" else {"travel": from_mm + sign * WAY_MM[4:21:2]}
     np.savez(tmp_path / "scan.npz", x=SCAN["x"], z=SCAN["z"][4:21:2], **some)
     np.savez(tmp_path / "poses.npz", **POSES)
     tree, _ = drafted(tmp_path, capsys, tmp_path / "scan.npz", tmp_path / "poses.npz")
-    assert tree["times"]["source"] == source
+    assert tree["times"]["source"] == source.partition(" ")[0]
     assert any(text.startswith("times.") for text in tree["uncertain"])
-    if source == "travel":
-        tree["times"]["start_mm"] = 0.0  # the draft takes the first frame to be at the first pose
+    if some:
+        tree["times"]["start_mm"] = from_mm  # the draft takes the first frame to be at the first pose
         (tmp_path / "map.json").write_text(json.dumps(tree))
     got = imported(tmp_path / "scan.npz", tmp_path / "poses.npz", mapping=tmp_path / "map.json")
-    expected = POSES["pose_time"][4:21:2] if source == "travel" else np.linspace(10.0, 12.4, 9)
+    expected = POSES["pose_time"][4:21:2] if some else np.linspace(10.0, 12.4, 9)
     at = np.interp(got.time_s, got.robot_time_s, got.robot_position_mm[:, 1])
     np.testing.assert_allclose(at, np.interp(expected, POSES["pose_time"], WAY_MM), atol=1e-6)

@@ -198,7 +198,7 @@ def _plate(
         cause = "no prepared plate, or its upper surface is not seen?"
         some = np.linspace(0, len(found) - 1, min(len(found), FEW_FRAMES)).round().astype(int)
         if np.mean([_stands_on(cloud, i) for i in some]) > SHOWN:
-            cause = "it lies on a table or right above it? lift it"
+            cause = "it lies on a table or right above it (lift it), or beside another plate (`edge.segment_groove`)?"
         raise InputError(cloud.source, f"{refused}, found none: {cause}")
     best: list[tuple[float, int, Int]] = []
     way = flips(cloud).astype(np.int64)

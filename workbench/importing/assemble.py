@@ -241,13 +241,14 @@ CHORD_MM = 1.0  # the way is summed over chords of this length: over shorter one
 
 
 def by_travel(frames: ProfileFrames, poses: PoseStream, part: TimesPart) -> TimedPass:
-    """Travel is the flange's way since its first pose, plus the reading there.
+    """The flange's way since its first pose is by how much travel has moved, up or down, since its reading there.
 
     Raises:
         InputError: no travel and no pitch, or travel that runs both ways.
     """
     assert part.start_mm is not None
     travel_mm = _travel(frames, part.pitch_mm) - part.start_mm
+    travel_mm = np.negative(travel_mm) if travel_mm[-1] < travel_mm[0] else travel_mm  # it may count down
     poses = chosen_poses(poses, strides(poses.position_mm, CHORD_MM))
     way_mm = arc_lengths_mm(poses.position_mm)
     reading = f"{travel_mm.min():.4g} to {travel_mm.max():.4g} mm on its {way_mm[-1]:.4g} mm"
@@ -257,7 +258,7 @@ def by_travel(frames: ProfileFrames, poses: PoseStream, part: TimesPart) -> Time
     assert poses.time_s is not None
     time_s = np.interp(travel_mm, way_mm, poses.time_s)
     over_mm = np.maximum(travel_mm - way_mm[-1], 0.0) + np.minimum(travel_mm, 0.0)
-    outside = np.abs(over_mm) > 1e-9 * (1.0 + way_mm[-1])
+    outside = np.abs(over_mm) > 1e-3  # encoders and poses are written with three digits and more
     time_s += np.where(outside, np.sign(over_mm) + over_mm, 0.0)  # any time beyond the poses' times, rising
     return TimedPass(time_s, poses, note, has_clock)
 
@@ -298,7 +299,12 @@ def _travel(frames: ProfileFrames, pitch_mm: float | None) -> Float:
     step_mm = np.diff(frames.travel_mm)
     wrong = np.flatnonzero(step_mm * np.sign(step_mm[:1].sum()) <= 0)
     if len(wrong):
-        raise InputError(f"{frames.source}: frame {wrong[0] + 2}", "expected travel that runs one way")
+        before, after = frames.travel_mm[wrong[0] : wrong[0] + 2]
+        raise InputError(
+            f"{frames.source}: frame {wrong[0] + 2}",
+            f"expected travel that runs one way, found {after:.6g} mm after {before:.6g}: "
+            "did the counter wrap, or lose counts?",
+        )
     return frames.travel_mm
 
 

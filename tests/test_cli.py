@@ -108,6 +108,7 @@ def test_bad_arguments(command: Any, pipeline: Path, tmp_path: Path, arguments: 
         ("inspect_bevel", "root_tolerance_mm=[-0,3, 0,3]", "got [0, 3, 0, 3]: a decimal comma for a point?"),
         ("inspect_bevel", "sections=0", "expected greater than or equal to 1, got 0"),
         ("inspect_groove", 'nominal={"gap": 2}', "nominal: gap: no size of such a joint; did you mean 'gap_mm'?"),
+        ("inspect_groove", 'nominal={"gap_mm": -2}', "nominal: gap_mm: expected 0 or more, found -2"),
         ("inspect_groove", 'nominal={"gap_mm": 2}', "lower <= 0 <= upper"),
         ("plan_bevel", "upper_side=[0, 0, 0]", "expected a direction, of any length but 0, got [0, 0, 0]"),
         ("plan_bevel", 'scan.fuse.limits={"step_shar": 1}', "no such check; did you mean 'step_share'?"),

@@ -140,7 +140,8 @@ def returns_cause(x_mm: AnyArray, z_mm: AnyArray) -> str:
     """What returns (N, M) themselves show to be wrong, and would make other checks fail; empty: nothing."""
     if shared := shared_range(z_mm):
         cause = f"{100 * shared[1]:.2g} % of the returns have the range {shared[0]:.6g} mm to the digit: "
-        return cause + "the sensor's code for no return, or ranges that saturate? make them NaN"
+        cause += "the sensor's code for no return, or ranges that saturate? "
+        return cause + "make them NaN (`missing` in the mapping of an import)"
     if is_packed(x_mm, z_mm):
         return f"are {PACKED}?"
     if not check("uneven_share", _uneven(x_mm, z_mm)).passed:

@@ -58,6 +58,8 @@ def _required(nominal: Mapping[str, Any], terms: Mapping[str, Any]) -> dict[str,
         key = named(size, "tolerance")
         if not _number(nominal[size]):
             raise ValueError(f"{size}: expected a number")
+        if nominal[size] < 0 and size != "misalignment_mm":
+            raise ValueError(f"{size}: expected 0 or more, found {nominal[size]:g}")
         pair = nominal.get(key)
         two = isinstance(pair, list | tuple) and len(pair) == 2 and all(map(_number, pair))
         if pair is None or not two or not -MOST_OFF <= pair[0] <= 0 <= pair[1] <= MOST_OFF:

@@ -16,7 +16,18 @@ from workbench.edge.fillet import FORM_U_MM
 from workbench.edge.groove_plates import SHOWS, UNSEEN, Plate
 from workbench.edge.groove_profile import BELOW_MM
 from workbench.edge.groove_root_end import RootView, beyond
-from workbench.edge.joint_lines import LEAST_FRAMES, Along, JointLines, Place, Values, corners, hidden, typical
+from workbench.edge.joint_lines import (
+    LEAST_FRAMES,
+    Along,
+    JointLines,
+    Place,
+    Values,
+    advance,
+    corners,
+    hidden,
+    moved_by_tangent,
+    typical,
+)
 from workbench.edge.residual_image import forms
 from workbench.edge.steps import LEAST_SHARE, own_places, readings
 from workbench.geometry.along import in_order
@@ -277,8 +288,26 @@ class GrooveSizes:
 
         by_frame = {key: np.nan_to_num(place) for key, place in self.joint.in_frames(ends).items()}
         own = self.joint.slopes(lambda places, angles: self._values(self._section(places, angles, by_frame)))
-        self.sizes |= self.joint.lengths(values, own, self.joint.slopes(self._followed), ends)
+        by_tangent = self._by_tangent(self._section(self.places, self.angles, by_frame))
+        self.sizes |= self.joint.lengths(values, own, self.joint.slopes(self._followed), ends, by_tangent)
         self.corners = corners(self.sizes)
+
+    def _by_tangent(self, section: Section) -> Values:
+        """By how much a radian of the edge's direction moves each length in every frame (N,), mm."""
+        left, right = (self.joint.lines[mine] for mine in self._mine)
+        way = advance(left) if len(left) >= len(right) else advance(right) * [-1.0, 1.0]
+        wide, aside = moved_by_tangent(way, section.apart("upper"))
+        lengths = {"width_mm": wide, "misalignment_mm": aside}
+        lengths["gap_mm"] = moved_by_tangent(way, section.apart("root"))[0]
+        for plate in section.reach:
+            upper, root = (section.at[f"{plate}_{corner}"] for corner in ("upper", "root"))
+            flank, lengths["depth_mm"] = moved_by_tangent(way, root - upper)
+            lengths["root_radius_mm"] = np.hypot(flank, lengths["depth_mm"])
+            lower = section.at.get(f"{plate}_lower", root)
+            lengths[f"root_face_{plate}_mm"] = moved_by_tangent(way, lower - root)[1]
+        for name, place in section.at.items():
+            lengths |= dict(zip((f"{name}:a", f"{name}:b"), moved_by_tangent(way, place), strict=True))
+        return lengths
 
     def _down(self, k: int) -> Float:
         """How far a plate's last return lies below its upper corner (n,), mm."""

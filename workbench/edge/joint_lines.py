@@ -33,6 +33,7 @@ LEAST_U_MM, LEAST_U_DEG = 1e-3, 2e-3
 STEP_RAD, STEP_MM = 1e-4, 1e-3  # by which lines are moved, to see what follows of it
 LEAST_MOVE = 0.05  # mm a mm, by which a length moves with a place, for it to rest on that
 LEAST_FRAMES = 6  # that show a length
+PARALLEL = 0.05  # lines whose directions differ by less, rad
 
 Values: TypeAlias = dict[str, Float]  # by name: (N,)
 Slopes: TypeAlias = dict[str, list[tuple[float, float]]]  # of a length by each line's direction (mm/rad) and place
@@ -154,6 +155,23 @@ def _square(section: SectionLines, own: _Own, meet: Float, drifts: Float, s: Flo
     return FaceLine(section, course, place, course.value(safe))
 
 
+def advance(lines: Sequence[FaceLine]) -> Float:
+    """How arc length advances over the laser plane (N, 2), mm a mm, by the runs of lines; across all of these only."""
+    angle, run = (np.stack(of, axis=1) for of in zip(*((one.angle, one.section.run) for one in lines), strict=True))
+    seen = np.isfinite(angle + run)
+    ways = np.where(seen[..., None], np.stack([np.cos(angle), np.sin(angle)], axis=2), 0.0)
+    return np.asarray(np.einsum("nik,nk->ni", np.linalg.pinv(ways, rcond=PARALLEL), np.where(seen, run, 0.0)))
+
+
+def moved_by_tangent(way: Float, off: Float) -> tuple[Float, Float]:
+    """By how much (N,), mm, a radian of the edge's direction moves `off` (N, 2) along and square to an upper surface.
+
+    A frame shows its ends so far apart along the edge as `way` (N, 2), of `advance`, says; the surface turns too.
+    way, off: along and square to the surface.
+    """
+    return np.hypot((way * off).sum(axis=1), way[:, 0] * off[:, 1]), way[:, 1] * off[:, 1]
+
+
 def meeting(place: Float, angle: Float, other_place: Float, other_angle: Float) -> Float:
     """Where two lines meet (N, 2)."""
     return on_line(place, angle, crossing(place, angle, other_place, other_angle))
@@ -181,11 +199,17 @@ class JointLines:
         return {key: between(self.along.at, one.value, safe) + known[key] for key, one in places.items()}
 
     def lengths(
-        self, values: Callable[[Mapping[str, Float]], Values], own: Slopes, follow: Slopes, ends: Mapping[str, Place]
+        self,
+        values: Callable[[Mapping[str, Float]], Values],
+        own: Slopes,
+        follow: Slopes,
+        ends: Mapping[str, Place],
+        by_tangent: Values,
     ) -> dict[str, Quantity]:
         """All lengths, `values` of the places in the frames.
 
         Slopes by the lines: `own` where the places stay, and `follow` where they go with the lines, as returns do.
+        by_tangent: by how much a radian of the edge's direction moves each in every frame (N,), mm.
         """
         at = {key: np.nan_to_num(place) for key, place in self.in_frames(ends).items()}  # of none no length is known
         each = values(at)
@@ -197,15 +221,20 @@ class JointLines:
             variance = sum(move**2 * one.variance for one, move in moves)
             step = sum(move * one.column for one, move in moves)
             found = self.course(name, value, own[name], variance, step)
-            out[name] = self._length(name, found, follow[name], moves)
+            out[name] = self._length(name, found, follow[name], moves, by_tangent[name])
         return out
 
     def _length(
-        self, name: str, found: Smooth, slopes: list[tuple[float, float]], moves: Sequence[tuple[Place, float]]
+        self,
+        name: str,
+        found: Smooth,
+        slopes: list[tuple[float, float]],
+        moves: Sequence[tuple[Place, float]],
+        by_tangent: Float,
     ) -> Quantity:
         """A length by its course; moves: by how much it moves with each place, mm a mm."""
         square = sum((by * one.u) ** 2 for one, by in moves)
-        terms = self.terms(found.value, np.sqrt(found.u**2 + square), slopes)
+        terms = self.terms(np.sqrt(found.u**2 + square), slopes, by_tangent)
         terms[FORM] = np.hypot(terms[FORM], math.hypot(*(by * one.form_u for one, by in moves)))
         alike = sum(by * one.alike_u for one, by in moves)
         ends = np.sqrt(alike**2 + sum(np.square(by * one.returns_u) for one, by in moves))
@@ -267,8 +296,8 @@ class JointLines:
         """Stations (m,) near frames that are `shown` (N,)."""
         return covered(np.where(shown, self.along.s, np.nan), self.along.group, self.along.at)
 
-    def terms(self, value: Float, u: Float, slopes: list[tuple[float, float]]) -> dict[str, Float]:
-        """Standard uncertainties (m,) by source of a length (m,) whose course leaves u."""
+    def terms(self, u: Float, slopes: list[tuple[float, float]], by_tangent: Float) -> dict[str, Float]:
+        """Standard uncertainties (m,) by source of a length whose course leaves u (m,)."""
         directions = [
             by_turn * one.course.u(self.along.at) for one, (by_turn, _) in zip(self.lines, slopes, strict=True)
         ]
@@ -279,11 +308,10 @@ class JointLines:
         for one, (by_turn, by_move) in zip(self.forms, slopes, strict=True):
             bent.append(by_move * one.offset_u_mm * math.sqrt(whole / one.width_mm))
             bent.append(max(abs(by_turn) - 0.5 * one.width_mm * abs(by_move), 0.0) * one.turn_u)
-        run = np.max([self.along.near(one.section.run**2) for one in self.lines], axis=0)
         return {
             CORNERS: np.hypot(u, LEAST_U_MM),
             DIRECTIONS: np.hypot.reduce(directions),
-            TANGENT: self.along.tangent_u * np.sqrt(run) * np.abs(value),
+            TANGENT: self.along.tangent_u * np.sqrt(self.along.near(by_tangent**2)),
             FORM: np.hypot.reduce(bent),
         }
 

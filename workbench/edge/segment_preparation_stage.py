@@ -33,7 +33,19 @@ from workbench.edge.extrapolated import name_extrapolated
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.fillet import Fillet, fit_on_land, misfit_mm
 from workbench.edge.groove_frames import two_plates_share
-from workbench.edge.joint_lines import Along, FaceLine, JointLines, Place, Values, corners, joined, meeting, typical
+from workbench.edge.joint_lines import (
+    Along,
+    FaceLine,
+    JointLines,
+    Place,
+    Values,
+    advance,
+    corners,
+    joined,
+    meeting,
+    moved_by_tangent,
+    typical,
+)
 from workbench.edge.last_returns import is_free_end, root_rim
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
 from workbench.edge.other_passes import with_other_passes
@@ -259,7 +271,8 @@ class _Chain:
         fillets = self.fillets if self.kind == "J" else None
         slopes = self.joint.slopes(self._few_values)
         values = partial(self._values, places, angles, fillets)
-        found = self.joint.lengths(values, slopes, slopes, self._fillet_places(values({})["width_mm"]))
+        by_tangent = self._by_tangent(self._corners(places, angles, fillets, {})[0])
+        found = self.joint.lengths(values, slopes, slopes, self._fillet_places(values({})["width_mm"]), by_tangent)
         found = {name: one.where(self.edge.seen) for name, one in found.items()}
         self.corners = corners(found)
         sizes = found | self._bevels()
@@ -343,21 +356,18 @@ class _Chain:
     def _angles(self) -> list[Float]:
         return [one.angle for one in self.lines]
 
-    def _values(
+    def _corners(
         self,
         places: list[Float],
         angles: list[Float],
         fillets: list[Fillet | None] | None,
         shifts: Mapping[str, Float],
-    ) -> Values:
-        """Lengths in every frame; and corners along normal (a) and across (b) of the section's axes.
+    ) -> tuple[dict[str, Float], Values]:
+        """Corners (N, 2) in every frame, and lengths of the fillets.
 
         shifts: by how much more than its fillet says the radius is, the level lies higher, the land is longer.
         """
-        upper = np.stack([np.cos(angles[0]), np.sin(angles[0])], axis=1)  # into the plate
-        out = np.stack([upper[:, 1], -upper[:, 0]], axis=1)
-        root = np.stack([np.cos(angles[-1]), np.sin(angles[-1])], axis=1)
-        out *= np.sign((out * root).sum(axis=1))[:, None]  # out of the plate
+        out, _, _ = _ways(angles)
         meets = [meeting(places[k], angles[k], places[k + 1], angles[k + 1]) for k in range(len(places) - 1)]
         found_at = {"upper": meets[0]}
         found: Values = {}
@@ -370,6 +380,35 @@ class _Chain:
             if len(meets) > 2:
                 found_at["middle"] = meets[1]
             found_at["root"] = meets[-1]
+        return found_at, found
+
+    def _by_tangent(self, corner: Mapping[str, Float]) -> Values:
+        """By how much a radian of the edge's direction moves each length in every frame (N,), mm."""
+        out, upper, _ = _ways(self._angles())
+
+        def on_plate(of: Float) -> Float:
+            return np.stack([(of * upper).sum(axis=1), (of * out).sum(axis=1)], axis=1)
+
+        way = advance(self.lines)
+        flat = on_plate(way)
+        whole, land = corner["root"] - corner["upper"], corner["root"] - corner.get("middle", corner["root"])
+        wide, deep = moved_by_tangent(flat, on_plate(whole))
+        lengths = {"width_mm": wide, "depth_mm": deep, "root_radius_mm": np.hypot(wide, deep)}
+        lengths |= {"lower_bevel_mm": moved_by_tangent(flat, on_plate(land))[1], "land_mm": (way * land).sum(axis=1)}
+        for name, place in corner.items():
+            lengths |= dict.fromkeys((f"{name}:a", f"{name}:b"), (way * place).sum(axis=1))
+        return lengths
+
+    def _values(
+        self,
+        places: list[Float],
+        angles: list[Float],
+        fillets: list[Fillet | None] | None,
+        shifts: Mapping[str, Float],
+    ) -> Values:
+        """Lengths in every frame; and corners along normal (a) and across (b) of the section's axes."""
+        out, upper, root = _ways(angles)
+        found_at, found = self._corners(places, angles, fillets, shifts)
         off = found_at["root"] - found_at["upper"]
         found["depth_mm"] = -(off * out).sum(axis=1)
         found["width_mm"] = -(off * upper).sum(axis=1)
@@ -442,6 +481,13 @@ class _Chain:
         if self.kind != "J":
             return replace(root, name="root_face_mm", value=root.value + hidden)
         return Quantity("root_face_mm", root.value - depth.value + hidden, (*root.terms, *depth.terms))
+
+
+def _ways(angles: Sequence[Float]) -> tuple[Float, Float, Float]:
+    """Out of the plate, into it along its upper surface, and up its root face (N, 2), by the faces' directions."""
+    upper, root = (np.stack([np.cos(angles[k]), np.sin(angles[k])], axis=1) for k in (0, -1))
+    out = np.stack([upper[:, 1], -upper[:, 0]], axis=1)
+    return out * np.sign((out * root).sum(axis=1))[:, None], upper, root
 
 
 def _upper_axes(upper: float, root: float) -> Float:

@@ -1,11 +1,9 @@
 """A run: results in memory and on disk, run.json, and failures that name the stage."""
 
 import hashlib
-import io
 import json
 import warnings
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,7 +11,6 @@ import pytest
 from workbench import Pipeline
 from workbench.artefacts import Document, Gate, HandEye, Inspection
 from workbench.errors import InputError, PipelineError
-from workbench.pipeline.terminal import Lines
 from workbench.stage import stage
 
 Doc = dict[str, Any]
@@ -147,17 +144,6 @@ def test_document_cannot_take_another_file_s_place(demo_document: Doc, tmp_path:
     with pytest.raises(PipelineError, match="expected a file name of its own"):
         Pipeline(demo_document, base_dir=tmp_path).run(tmp_path / "out")
     assert [path.name for path in tmp_path.iterdir()] == ["part.txt"]
-
-
-def test_a_log_tells_now_and_then_how_far_a_long_stage_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock, log = iter([0.0, 1.0, 20.0, 20.0, 21.0, 22.0]), io.StringIO()
-    monkeypatch.setattr("workbench.pipeline.terminal.time", SimpleNamespace(monotonic=lambda: next(clock)))
-    lines = Lines(log)
-    lines.begin(0, 1, "long")
-    for done in (0.1, 0.2, 0.3):
-        lines.fraction(done)
-    lines.end(22.0)
-    assert log.getvalue() == "[1/1] long 20 % 22.00 s\n"
 
 
 def test_progress_reaches_the_reporter(demo_document: Doc, tmp_path: Path) -> None:

@@ -91,8 +91,7 @@ def segment_groove(
         'Y'
     """
     read = read_frames(cloud)
-    if groove == "auto" and read.blind > BLIND_SHARE:
-        raise InputError(cloud.source, BLIND)
+    _refuse_blind(read, groove, cloud.source)
     kinds = read.kinds
     checks = _read_checks(read, limits)
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")
@@ -162,6 +161,12 @@ def segment_groove(
         ),
     )
     return name_extrapolated(found, cloud, max(one.sigma for one in measured.plates))
+
+
+def _refuse_blind(read: ReadFrames, groove: Given, source: str) -> None:
+    """Where nobody says that it is a groove, what parts the plates may be blind columns."""
+    if groove == "auto" and read.blind > BLIND_SHARE:
+        raise InputError(source, BLIND)
 
 
 def _read_checks(read: ReadFrames, given: Mapping[str, Bound]) -> list[Check]:

@@ -103,11 +103,7 @@ def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge, *, is_sharp
                 section.change(turns, root),
             )
         )
-    turned = next((one.value for one in cloud.checks if one.name == "flange_turn_deg"), None)
-    if turned is not None and turned < TURNS_DEG:
-        mirrored = f"Mirrored axes of profiler or robot: the flange rotates by {turned:.1f}° only."
-        found.append(Unseen("mirrored_axes", mirrored, section.change(list(MIRRORS), root)))
-        found += _by_frame_order(cloud, edge, turned)
+    found += _by_little_turn(cloud, edge, section)
     scales = [np.diag([1.0 + SCALE, 1.0, 1.0]), np.diag([1.0, 1.0, 1.0 + SCALE])]
     return (
         *found,
@@ -260,20 +256,26 @@ class _Section:
         }
 
 
-def _by_frame_order(cloud: Cloud, edge: MilledEdge, turned: float) -> list[Unseen]:
-    """That the frames of one pass came in the order of its poses, where values differ by more than U from either end.
+def _by_little_turn(cloud: Cloud, edge: MilledEdge, section: _Section) -> list[Unseen]:
+    """What a flange that hardly rotates does not show: mirrored axes, and the order of the frames of one pass.
 
-    A plate that passes does so in either order, so that no verdict rests on it: values lie in another place.
+    That order is named where values differ by more than U from either end. A plate that passes does so in either
+    order, so that no verdict rests on it: values lie in another place.
     """
-    if np.unique(cloud.pass_index).size > 1:
+    turned = next((one.value for one in cloud.checks if one.name == "flange_turn_deg"), None)
+    if turned is None or turned >= TURNS_DEG:
         return []
+    words = f"Mirrored axes of profiler or robot: the flange rotates by {turned:.1f}° only."
+    mirrored = Unseen("mirrored_axes", words, section.change(list(MIRRORS), float(np.nanmedian(edge.root.value))))
+    if np.unique(cloud.pass_index).size > 1:
+        return [mirrored]
     sizes = edge.root, edge.bevel
     apart = {one.name: float(np.nanmax(np.abs(one.value - one.value[::-1]), initial=0.0)) for one in sizes}
     if all(apart[one.name] <= COVERAGE * np.nanmedian(one.u) for one in sizes):
-        return []
+        return [mirrored]
     sentence = f"That the frames came in the order of the poses: the flange rotates by {turned:.1f}° only, and in "
     sentence += "reverse order values would lie in the mirrored place along the edge."
-    return [Unseen("frame_order", sentence, apart, exchanges=True)]
+    return [mirrored, Unseen("frame_order", sentence, apart, exchanges=True)]
 
 
 def _by_clock(cloud: Cloud, edge: MilledEdge) -> dict[str, float]:

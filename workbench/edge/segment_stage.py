@@ -68,8 +68,8 @@ from workbench.units import DEG, Float
 
 SEEN_TWIST_DEG = 0.3  # a twist of the section that is no error of its estimate
 ROUNDED = (
-    "the lower edge is rounded or chamfered, by about {:.2f} mm: sizes are those to the virtual sharp edge, "
-    "{:.2f} mm beyond the last return on the root face"
+    "the lower edge is rounded or chamfered, by about {:.2f} mm, or blurred so by the sensor: sizes are those to the "
+    "virtual sharp edge, {:.2f} mm beyond the last return on the root face"
 )
 FILLETED = (
     "the lower edge is rounded or chamfered, by about {:.2f} mm: sizes are those to where root face and lower surface "

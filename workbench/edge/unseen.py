@@ -53,6 +53,7 @@ BY_WINDOW = Unseen(
     is_doubt=True,
 )
 
+VIEWS_DEG = 2.0  # between views: mirrored, a face would lie in directions twice as far apart
 MIRRORS = np.array([np.diag([-1.0, 1.0, 1.0]), np.diag([1.0, 1.0, -1.0])])  # of a profile's x or z
 
 THICKNESS_U_MM = 0.02  # of a plate's thickness by a micrometer, here and there along the edge
@@ -103,7 +104,7 @@ def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge, *, is_sharp
                 section.change(turns, root),
             )
         )
-    found += _by_little_turn(cloud, edge, section)
+    found += _by_mirror(section, root) + _by_frame_order(cloud, edge)
     scales = [np.diag([1.0 + SCALE, 1.0, 1.0]), np.diag([1.0, 1.0, 1.0 + SCALE])]
     return (
         *found,
@@ -208,9 +209,14 @@ def by_window(check: Check) -> tuple[Unseen, ...]:
 class _Section:
     """The two faces of some frames (f,): their slopes in the profiler frame, and its orientation beside the edge's."""
 
-    def __init__(self, slopes: Shaped[Float, "2 f"], base_from_profiler: Float, tangent: Float, drift: Float) -> None:
-        """drift (f, 3): mm in the profiler frame by which the faces move a mm along the edge."""
-        self.slopes = slopes
+    def __init__(
+        self, slopes: Shaped[Float, "2 f"], base_from_profiler: Float, tangent: Float, drift: Float, views_deg: float
+    ) -> None:
+        """Drift (f, 3): mm in the profiler frame by which the faces move a mm along the edge.
+
+        views_deg: angle between the views in the section.
+        """
+        self.slopes, self.views_deg = slopes, views_deg
         self._turn = base_from_profiler
         self._tangent, self._drift = tangent, drift
         self._before = self._shape(np.eye(3))
@@ -230,7 +236,10 @@ class _Section:
         for here in by_pass(cloud.pass_index[rows]):
             if np.ptp(s[here]) > 0.0:
                 drift[here, ::2] = np.polyfit(s[here], place[here], 1)[0]
-        return cls(slopes, cloud.base_from_profiler[rows, :3, :3], edge.tangent[station], drift)
+        turn = cloud.base_from_profiler[rows, :3, :3]
+        right, up = ((turn[:, :, 2] * of[station]).sum(axis=1) for of in (edge.normal, edge.across))
+        views = np.unwrap(np.arctan2(up, right))
+        return cls(slopes, turn, edge.tangent[station], drift, float(np.ptp(views)) / DEG)
 
     def _shape(self, profiler: Shaped[Float, "3 3"]) -> tuple[Float, Float]:
         """Length (f,) of the root face in the section by that in the frame, and bevel angle (f,) in rad."""
@@ -256,26 +265,34 @@ class _Section:
         }
 
 
-def _by_little_turn(cloud: Cloud, edge: MilledEdge, section: _Section) -> list[Unseen]:
-    """What a flange that hardly rotates does not show: mirrored axes, and the order of the frames of one pass.
+def _by_mirror(section: _Section, root_mm: float) -> list[Unseen]:
+    """That no axis of profiler or robot is mirrored, where one view of the edge alone does not show it.
 
-    That order is named where values differ by more than U from either end. A plate that passes does so in either
-    order, so that no verdict rests on it: values lie in another place.
+    Two views of mirrored profiles put each face in two directions, twice as far apart as the views are.
+    """
+    if section.views_deg > VIEWS_DEG:
+        return []
+    words = f"Mirrored axes of profiler or robot: the edge is seen from one side, within {section.views_deg:.1f}°."
+    return [Unseen("mirrored_axes", words, section.change(list(MIRRORS), root_mm))]
+
+
+def _by_frame_order(cloud: Cloud, edge: MilledEdge) -> list[Unseen]:
+    """That the frames of one pass came in the order of its poses, where values differ by more than U from either end.
+
+    A plate that passes does so in either order, so that no verdict rests on it: values lie in another place.
     """
     turned = next((one.value for one in cloud.checks if one.name == "flange_turn_deg"), None)
     if turned is None or turned >= TURNS_DEG:
         return []
-    words = f"Mirrored axes of profiler or robot: the flange rotates by {turned:.1f}° only."
-    mirrored = Unseen("mirrored_axes", words, section.change(list(MIRRORS), float(np.nanmedian(edge.root.value))))
     if np.unique(cloud.pass_index).size > 1:
-        return [mirrored]
+        return []
     sizes = edge.root, edge.bevel
     apart = {one.name: float(np.nanmax(np.abs(one.value - one.value[::-1]), initial=0.0)) for one in sizes}
     if all(apart[one.name] <= COVERAGE * np.nanmedian(one.u) for one in sizes):
-        return [mirrored]
+        return []
     sentence = f"That the frames came in the order of the poses: the flange rotates by {turned:.1f}° only, and in "
     sentence += "reverse order values would lie in the mirrored place along the edge."
-    return [mirrored, Unseen("frame_order", sentence, apart, exchanges=True)]
+    return [Unseen("frame_order", sentence, apart, exchanges=True)]
 
 
 def _by_clock(cloud: Cloud, edge: MilledEdge) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -80,6 +81,21 @@ def test_two_compound_plates_are_named() -> None:
     plate = side((4.5, 20.0), (THICK, 45.0))
     with pytest.raises(InputError, match=r"found none: in .* a face above a steeper one: a compound bevel"):
         measured(groove(0, (plate, mirrored(plate))))
+
+
+@pytest.mark.parametrize(("height_mm", "beside_mm", "share"), [(0.12, 2.0, 1.0), (0.05, 4.0, 0.4), (0.12, 0.8, 0.7)])
+def test_the_corner_is_that_of_the_bare_plate_beside_a_layer(height_mm: float, beside_mm: float, share: float) -> None:
+    """Of a layer on a share of the edge too: those on its level were 15 to 60 u off."""
+    bare = side((THICK, 30.0))
+    edge = bare[-2][0] - beside_mm
+    layered = (*bare[:-1], (edge, THICK), (edge, THICK + height_mm), (-FAR_MM, THICK + height_mm))
+    one, other = (groove(1, (left, mirrored(bare))).recording for left in (bare, layered))
+    here = np.arange(len(one.z_mm)) < share * len(one.z_mm)
+    x, z = (np.where(here[:, None], b, a) for a, b in ((one.x_mm, other.x_mm), (one.z_mm, other.z_mm)))
+    found = segment_groove(denoise(fuse(replace(one, x_mm=x, z_mm=z, intensity=None))))
+    step = found.sizes["misalignment_mm"]
+    assert np.nanmax(np.abs(step.value) / step.u) < 3.0
+    assert any("beside its edge" in one for one in found.warnings)
 
 
 REFUSED = {"two bevel angles a side", "upper edges ground"}  # may be, as their views hide a face

@@ -17,7 +17,7 @@ from workbench.edge.fillet import Fillets, fit_below_flank, fit_circle
 from workbench.edge.groove_frames import LEAST_FACE, ReadFrames, middles
 from workbench.edge.groove_profile import DROP_MM, DROP_POINTS, SHARED, Kind, Side
 from workbench.edge.joint_lines import FaceLine, joined, meeting, typical
-from workbench.edge.layers import Surface, surface, without_layer
+from workbench.edge.layers import Surface, surface, without_layers
 from workbench.edge.residual_image import FaceImage, face_image
 from workbench.edge.unseen import cut_by_dark
 from workbench.errors import InputError
@@ -183,7 +183,7 @@ def labelled_profiles(cloud: Cloud, read: ReadFrames) -> Labelled:
             labels[k, columns[side.upper]], labels[k, columns[side.face]] = upper, face
     for which, name in enumerate(("left", "right")):
         surfaces = [_upper_surface(cloud, read, which, k) for k in range(len(read.frame))]
-        cloud, labels, layer = without_layer(cloud, labels, LABELS[which][0], surfaces, read.up)
+        cloud, labels, layer = without_layers(cloud, labels, LABELS[which][0], surfaces, read.up)
         if layer is not None:
             goes = "falls" if layer.height_mm < 0.0 else "rises"
             notes.append(LAYER.format(layer.from_mm, name, goes, abs(layer.height_mm)))

@@ -13,10 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import Cloud
-from workbench.geometry.blocks import evenly
-from workbench.units import AnyArray, Float, Int
+from workbench.units import AnyArray, Bool, Float, Int
 
-FRAMES = 200  # whose mean is looked at
+STRETCH = 30  # profiles, whose mean is looked at
 BIN_MM, LEAST_BINS = 0.1, 2  # of the distance from the edge; on either side of a step
 BESIDE_MM = 0.35  # beside the edge: its rounding
 LEAST_MM, MOST_MM = 0.015, 0.5  # height of a layer
@@ -26,12 +25,10 @@ ON_MM = 0.06  # a return this near to a level is of it
 
 
 class Layer(NamedTuple):
-    """Two levels of an upper surface, above the lines of the profiles."""
+    """Two levels of an upper surface."""
 
     from_mm: float  # from the edge, where the layer begins
     height_mm: float  # by which the strip beside the edge lies above it
-    slope: float  # of both, away from the edge
-    offset_mm: float  # of the layer, at the edge
 
 
 class Surface(NamedTuple):
@@ -66,36 +63,54 @@ def find_layer(surfaces: Sequence[Surface]) -> Layer | None:
     height = float(found[2])
     if not (LEAST_MM < abs(height) < MOST_MM and abs(height) > CLEAR * left and left < BETTER * bow_left):
         return None
-    return Layer(float(at[k] - 0.5 * BIN_MM), height, float(found[1]), float(found[0]))
+    return Layer(float(at[k] - 0.5 * BIN_MM), height)
 
 
-def without_layer(
+def without_layers(
     cloud: Cloud, labels: AnyArray, label: int, surfaces: Sequence[Surface], up: float
 ) -> tuple[Cloud, AnyArray, Layer | None]:
-    """The profiles (n, M) with the layer lowered to the strip beside it, their labels, and what was taken off."""
-    layer = find_layer(surfaces)
-    if layer is None:
-        return cloud, labels, None
+    """The profiles (n, M) with layers lowered to the strip beside them, their labels, and one that was taken off.
+
+    A layer may cover a part of the edge: each profile has that of a stretch beside it, or none, as leaves least.
+    """
+    parts = np.array_split(np.arange(len(surfaces)), max(1, len(surfaces) // STRETCH))
+    found = [find_layer([surfaces[k] for k in part]) for part in parts]
     z, out = cloud.z_mm.astype(np.float64), labels.copy()
-    for k, one in enumerate(surfaces):
-        on_layer = one.away_mm > layer.from_mm
-        z[k, one.columns[on_layer]] += up * layer.height_mm / one.cosine
-        level = layer.offset_mm + layer.slope * one.away_mm + np.where(on_layer, 0.0, layer.height_mm)
-        of_surface = (one.away_mm > BESIDE_MM) & (np.abs(one.above_mm - level) < ON_MM)
-        before = out[k, one.columns]
-        out[k, one.columns] = np.where(of_surface, label, np.where(before == label, 0, before))
-    return replace(cloud, z_mm=z.astype(cloud.z_mm.dtype)), out, layer
+    for number, part in enumerate(parts):
+        possible = [one for one in found[max(number - 1, 0) : number + 2] if one is not None]
+        for k in part if possible else ():
+            one = surfaces[k]
+            fits = [_fit(one, layer) for layer in (None, *possible)]
+            height, on_layer, level, _ = min(fits, key=lambda fit: fit[-1])
+            if height == 0.0:
+                continue
+            z[k, one.columns[on_layer]] += up * height / one.cosine
+            on = (one.away_mm > BESIDE_MM) & (np.abs(one.above_mm - level) < ON_MM)
+            before = out[k, one.columns]
+            out[k, one.columns] = np.where(on, label, np.where(before == label, 0, before))
+    layers = [one for one in found if one is not None]
+    return replace(cloud, z_mm=z.astype(cloud.z_mm.dtype)), out, layers[0] if layers else None
+
+
+def _fit(of: Surface, layer: Layer | None) -> tuple[float, Bool, Float, float]:
+    """Height of a profile's strip over its layer, the returns on that, the levels of all, and what these leave."""
+    on_layer = of.away_mm > (0.0 if layer is None else layer.from_mm)
+    height = 0.0 if layer is None else layer.height_mm
+    step = np.where(on_layer, 0.0, height)
+    use = (of.away_mm > BESIDE_MM) & (np.abs(of.above_mm) < MOST_MM)
+    line = np.polyfit(of.away_mm[use], (of.above_mm - step)[use], 1)
+    level = np.asarray(np.polyval(line, of.away_mm) + step, dtype=np.float64)
+    return height, on_layer, level, float(np.sqrt(np.mean((of.above_mm - level)[use] ** 2)))
 
 
 def _mean(surfaces: Sequence[Surface]) -> tuple[Float, Float]:
-    """Distances from the edge, and the median height there over some profiles, where most of these return."""
-    some = [surfaces[k] for k in evenly(len(surfaces), FRAMES)]
-    far = float(np.median([one.away_mm[-1] for one in some]))
-    away, above = (np.concatenate(of) for of in zip(*((one.away_mm, one.above_mm) for one in some), strict=True))
+    """Distances from the edge, and the median height there over the profiles, where most of these return."""
+    far = float(np.median([one.away_mm[-1] for one in surfaces]))
+    away, above = (np.concatenate(of) for of in zip(*((one.away_mm, one.above_mm) for one in surfaces), strict=True))
     near = np.abs(above) < MOST_MM
     number = np.floor((away[near] - BESIDE_MM) / BIN_MM)
     shown = {k: above[near][number == k] for k in np.arange(0.0, (far - BESIDE_MM) / BIN_MM)}
-    seen = {k: float(np.median(one)) for k, one in shown.items() if one.size > 0.5 * len(some)}
+    seen = {k: float(np.median(one)) for k, one in shown.items() if one.size > 0.5 * len(surfaces)}
     return BESIDE_MM + BIN_MM * (np.array([*seen]) + 0.5), np.array([*seen.values()])
 
 

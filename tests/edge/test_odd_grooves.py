@@ -116,6 +116,7 @@ AT_MOST_U = {("thin weld in a closed root", 3012): 3.6}
         *seldom(
             ("ceramic backing", 3019),  # the root face went on over the channel's edge: 1.5 mm at 7 u
             ("plain", 4015),  # a sensor's error that walks over the columns turns both plates: 0.016 mm at 4 u
+            ("upper edges ground", 19_420_002),  # a ground edge of 0.5 mm was taken for the strip beside a layer: 7 u
             ("upper edges ground", 2),  # the view hides the bevel below: 39 deg off at 430 u
             ("root run", 2),  # the gap between the ends of the weld's surface, 0.9 mm off at 50 u
             ("backing strip", 9),  # taken for a part of the root face: 1.1 mm too high, 36 u

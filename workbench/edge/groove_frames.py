@@ -34,7 +34,7 @@ LEAST_RETURNS = 50  # of a profile
 LEAST_FOR_TYPE = 150  # of most profiles, for a type: of 98, a fillet of 4 mm had seven, and a U was measured as an HV
 NEIGHBOURS, STEADY_SIGMAS, STEADY_MM = 31, 5.0, 0.3  # profiles; corners further off their running median are false
 LEAST_FACE = 0.34  # share of the profiles that show a face, for a plate to have it
-COMPOUND = "in {:.0f} % of the profiles a plate shows a face above a steeper one: a compound bevel, or one whose upper "
+COMPOUND = "in {:.3g} % of the profiles a plate shows a face above a steeper one: a compound bevel, or one whose upper "
 COMPOUND += "edge is dressed?"
 FLUSH = 0.5  # of the depth: the level of one plate of a groove is off that of the other by less
 

@@ -16,11 +16,11 @@ from workbench.artefacts import Cloud
 from workbench.units import AnyArray, Bool, Float, Int
 
 STRETCH = 30  # profiles, whose mean is looked at
-BIN_MM, LEAST_BINS = 0.1, 2  # of the distance from the edge; on either side of a step
+BIN_MM, LEAST_BINS = 0.1, 3  # of the distance from the edge; on either side of a step
 BESIDE_MM = 0.35  # beside the edge: its rounding
 LEAST_MM, MOST_MM = 0.015, 0.5  # height of a layer
 CLEAR = 6.0  # times what the step leaves of the mean, rms: the least height of one
-BETTER = 0.35  # of what a bow leaves, that a step may leave
+BETTER = 0.35  # of what a bow or a bend leaves, that a step may leave
 ON_MM = 0.06  # a return this near to a level is of it
 
 
@@ -51,17 +51,18 @@ def surface(x: Float, z: Float, up: float, columns: Int, on: Int, inner: int, ou
 
 
 def find_layer(surfaces: Sequence[Surface]) -> Layer | None:
-    """The layer that the mean of the profiles shows; None: one level, straight or bowed, explains it."""
+    """The layer that the mean of the profiles shows; None: one level, straight, bowed or bent, explains it."""
     at, mean = _mean(surfaces)
     if at.size < 3 * LEAST_BINS:
         return None
     base = np.stack([np.ones_like(at), at], axis=1)
-    bow_left = _left(np.column_stack([base, at**2]), mean)[1]
-    steps = range(LEAST_BINS, at.size - LEAST_BINS + 1)
-    tried = [(*_left(np.column_stack([base, at < at[k]]), mean), k) for k in steps]
+    starts = range(LEAST_BINS, at.size - LEAST_BINS + 1)
+    tried = [(*_left(np.column_stack([base, at < at[k]]), mean), k) for k in starts]
     found, left, k = min(tried, key=lambda one: one[1])
+    bends = [np.maximum(at[i] - at, 0.0) for i in starts]  # an edge that is ground off, or rounded
+    rival = min(_left(np.column_stack([base, of]), mean)[1] for of in (at**2, *bends))
     height = float(found[2])
-    if not (LEAST_MM < abs(height) < MOST_MM and abs(height) > CLEAR * left and left < BETTER * bow_left):
+    if not (LEAST_MM < abs(height) < MOST_MM and abs(height) > CLEAR * left and left < BETTER * rival):
         return None
     return Layer(float(at[k] - 0.5 * BIN_MM), height)
 

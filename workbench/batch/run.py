@@ -346,11 +346,10 @@ COLOURS = {"passed": "green", "rejected": "red"}
 
 def print_batch(made: Batch) -> None:
     """The parts that did not pass, worst first; the counts; the files."""
-    from workbench.batch.fleet import with_copies, worst_first  # which the page has loaded
+    from workbench.batch.fleet import worst_first  # which the page has loaded
 
     console = Console(highlight=False)
-    told = worst_first(with_copies(made.records))
-    worth = [record for record in told if record.outcome != "passed" or record.verdict != "pass" or record.cause]
+    worth = [record for record in worst_first(made.records) if record.outcome != "passed" or record.verdict != "pass"]
     if worth:
         console.print(_table(worth[:SHOWN]))
     if len(worth) > SHOWN:
@@ -368,10 +367,13 @@ def summary(records: tuple[Record, ...]) -> str:
     verdicts = [record.verdict for record in records if record.verdict]
     tally = ", ".join(f"{verdicts.count(one)} {one}" for one in ("fail", "undecided", "pass") if one in verdicts)
     skipped = sum(record.skipped for record in records)
+    numbers = [record.part_id for record in records if record.part_id]
+    again = len(numbers) - len(set(numbers))
     return (
         ", ".join(words)
         + (f" (verdicts: {tally})" if tally else "")
         + (f"; {skipped} from an earlier run" * bool(skipped))
+        + (f"; {again} with the part number of another" * bool(again))
     )
 
 

@@ -29,7 +29,9 @@ from workbench.geometry.grids import columns_to_next
 from workbench.geometry.sections import SectionLines, in_section, on_line, section_lines
 from workbench.units import DEG, AnyArray, Bool, Float, Int, Shaped
 
-LAYER = "{:.1f} mm beside its edge the upper surface of the {} plate {} by {:.2f} mm towards that (primer that was "
+LAYER = (
+    "about {:.1f} mm beside its edge the upper surface of the {} plate {} by {:.2f} mm towards that (primer that was "
+)
 LAYER += "masked, scale that came off?): its corner is that of the surface beside the edge"
 LABELS = ((1, 2), (3, 4))  # upper surface and the face below it, of the left and of the right plate
 UNSEEN = ("edge", "hidden")  # kinds of plates of whose faces nothing, or a fillet only, is seen

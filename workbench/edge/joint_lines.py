@@ -284,7 +284,7 @@ class JointLines:
             raise InputError(
                 self.source, f"expected at least {LEAST_FRAMES} profiles that show {name}, found {shown}: no joint?"
             )
-        course = fit_course(self.along.s, value, total, self.along.group, shared=ROUGH._replace(step=step))
+        course = fit_course(self.along.s, value, total, self.along.group, shared=ROUGH._replace(resolution=step))
         if course.kept.sum() < LEAST_FRAMES:
             raise InputError(self.source, f"{name} is another one in every profile: no joint?")
         left = value - course.value(self.along.safe)

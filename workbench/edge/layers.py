@@ -13,15 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import Cloud
+from workbench.edge.groove_profile import ON_MM, TRIM_MM
 from workbench.units import AnyArray, Bool, Float, Int
 
 STRETCH = 30  # profiles, whose mean is looked at
 BIN_MM, LEAST_BINS = 0.1, 3  # of the distance from the edge; on either side of a step
-BESIDE_MM = 0.35  # beside the edge: its rounding
 LEAST_MM, MOST_MM = 0.015, 0.5  # height of a layer
 CLEAR = 6.0  # times what the step leaves of the mean, rms: the least height of one
 BETTER = 0.35  # of what a bow or a bend leaves, that a step may leave
-ON_MM = 0.06  # a return this near to a level is of it
 
 
 class Layer(NamedTuple):
@@ -76,6 +75,9 @@ def without_layers(
     """
     parts = np.array_split(np.arange(len(surfaces)), max(1, len(surfaces) // STRETCH))
     found = [find_layer([surfaces[k] for k in part]) for part in parts]
+    layers = [one for one in found if one is not None]
+    if not layers:
+        return cloud, labels, None
     z, out = cloud.z_mm.astype(np.float64), labels.copy()
     for number, part in enumerate(parts):
         possible = [one for one in found[max(number - 1, 0) : number + 2] if one is not None]
@@ -86,11 +88,10 @@ def without_layers(
             if height == 0.0:
                 continue
             z[k, one.columns[on_layer]] += up * height / one.cosine
-            on = (one.away_mm > BESIDE_MM) & (np.abs(one.above_mm - level) < ON_MM)
+            on = (one.away_mm > TRIM_MM) & (np.abs(one.above_mm - level) < 0.5 * ON_MM)
             before = out[k, one.columns]
             out[k, one.columns] = np.where(on, label, np.where(before == label, 0, before))
-    layers = [one for one in found if one is not None]
-    return replace(cloud, z_mm=z.astype(cloud.z_mm.dtype)), out, layers[0] if layers else None
+    return replace(cloud, z_mm=z.astype(cloud.z_mm.dtype)), out, layers[0]
 
 
 def _fit(of: Surface, layer: Layer | None) -> tuple[float, Bool, Float, float]:
@@ -98,7 +99,7 @@ def _fit(of: Surface, layer: Layer | None) -> tuple[float, Bool, Float, float]:
     on_layer = of.away_mm > (0.0 if layer is None else layer.from_mm)
     height = 0.0 if layer is None else layer.height_mm
     step = np.where(on_layer, 0.0, height)
-    use = (of.away_mm > BESIDE_MM) & (np.abs(of.above_mm) < MOST_MM)
+    use = (of.away_mm > TRIM_MM) & (np.abs(of.above_mm) < MOST_MM)
     line = np.polyfit(of.away_mm[use], (of.above_mm - step)[use], 1)
     level = np.asarray(np.polyval(line, of.away_mm) + step, dtype=np.float64)
     return height, on_layer, level, float(np.sqrt(np.mean((of.above_mm - level)[use] ** 2)))
@@ -109,10 +110,10 @@ def _mean(surfaces: Sequence[Surface]) -> tuple[Float, Float]:
     far = float(np.median([one.away_mm[-1] for one in surfaces]))
     away, above = (np.concatenate(of) for of in zip(*((one.away_mm, one.above_mm) for one in surfaces), strict=True))
     near = np.abs(above) < MOST_MM
-    number = np.floor((away[near] - BESIDE_MM) / BIN_MM)
-    shown = {k: above[near][number == k] for k in np.arange(0.0, (far - BESIDE_MM) / BIN_MM)}
+    number = np.floor((away[near] - TRIM_MM) / BIN_MM)
+    shown = {k: above[near][number == k] for k in np.arange(0.0, (far - TRIM_MM) / BIN_MM)}
     seen = {k: float(np.median(one)) for k, one in shown.items() if one.size > 0.5 * len(surfaces)}
-    return BESIDE_MM + BIN_MM * (np.array([*seen]) + 0.5), np.array([*seen.values()])
+    return TRIM_MM + BIN_MM * (np.array([*seen]) + 0.5), np.array([*seen.values()])
 
 
 def _left(model: Float, value: Float) -> tuple[Float, float]:

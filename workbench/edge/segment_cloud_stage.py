@@ -62,7 +62,7 @@ from workbench.units import DEG, Bool, Float
 # What a slice counts for the root face beside a scan line: neighbouring slices cut the same few lines, so that where
 # their last points lie is no new draw in each.
 SLICE_WEIGHT = 0.2
-COARSE_MM, FEW = 0.04, 100_000  # some times a profiler's noise; points that tell a rounding
+COARSE_MM, FEW = 0.04, 100_000  # about three times a profiler's noise; points that tell a rounding
 LEAST_POINTS, MOST_MM, FAR_MM = 100, 30_000.0, 1e10
 OTHER_SOFTWARE = Unseen(
     "other_software",
@@ -209,8 +209,15 @@ def _check_copies(points: PointSet) -> None:
     """Refuse a cloud that holds points again: they would count as further returns."""
     found = points.points_mm
     probes = found[:: 1 + len(found) // PROBES]
-    squares = (np.partition(((found - one) ** 2).sum(axis=1), (1, EIGHTH)) for one in probes)
-    share = float(np.mean([one[1] <= COPY**2 * one[EIGHTH] for one in squares]))
+    axis = int(np.ptp(found, axis=0).argmax())
+    along, thick = found[:, axis].copy(), SLAB * float(np.ptp(found[:, axis]))
+    copied = 0
+    for one in probes:
+        near = found[np.abs(along - one[axis]) < thick]
+        near = near if len(near) > EIGHTH else found
+        square = np.partition(((near - one) ** 2).sum(axis=1), (1, EIGHTH))
+        copied += bool(square[1] <= COPY**2 * square[EIGHTH])
+    share = copied / len(probes)
     if share > COPIED:
         raise InputError(
             points.source,
@@ -253,7 +260,7 @@ def _noise_slope(face: FaceLines) -> float:
 
 PROBES = 32  # points of which copies are looked for
 EIGHTH, COPY = 8, 0.02  # neighbour whose distance tells how densely points lie, and the share of it for a copy
-COPIED = 0.2  # share of the points
+COPIED, SLAB = 0.2, 0.01  # shares of the points; of the cloud's length, within which neighbours lie
 SAMPLE = 4000  # points whose neighbours tell how densely they lie
 NEIGHBOURS = 16  # at the least; as few as spread both ways
 THICKER = 1.5  # than one point a cell asks for: points on lines do not spread evenly over the slices

@@ -282,9 +282,7 @@ def _by_frame_order(cloud: Cloud, edge: MilledEdge) -> list[Unseen]:
     A plate that passes does so in either order, so that no verdict rests on it: values lie in another place.
     """
     turned = next((one.value for one in cloud.checks if one.name == "flange_turn_deg"), None)
-    if turned is None or turned >= TURNS_DEG:
-        return []
-    if np.unique(cloud.pass_index).size > 1:
+    if turned is None or turned >= TURNS_DEG or np.unique(cloud.pass_index).size > 1:
         return []
     sizes = edge.root, edge.bevel
     apart = {one.name: float(np.nanmax(np.abs(one.value - one.value[::-1]), initial=0.0)) for one in sizes}

@@ -171,11 +171,11 @@ def fit_course(
     if shared.processes:  # whose equations are full
         bin_mm = max(bin_mm, float(np.nanmax(s) - np.nanmin(s)) / MOST_BINS)
     values = _as_values(s, y, variance, group, bin_mm)
-    kept = _inliers(values, shared.step)
+    kept = _inliers(values, shared.resolution)
     bins = _means(values, kept)
     course = _fit(values, bins, stated, orders, stiffness, unseen, bin_mm, shared)
     for _ in range(READMITTED):  # what leaves the course itself, not the first look at it, is an outlier
-        before, kept, held = kept, _near(course, values, kept, shared.step), True
+        before, kept, held = kept, _near(course, values, kept, shared.resolution), True
         if orders[0] > 1:
             ends = _ends_of(values, kept)
             kept |= ends
@@ -582,7 +582,7 @@ def _as_values(s: Float, y: Float, variance: Float | None, group: Int | None, bi
     )
 
 
-def _near(course: Course, values: Values, kept: Bool, step: float) -> Bool:
+def _near(course: Course, values: Values, kept: Bool, resolution: float) -> Bool:
     """Values (m,) within OUTLIER_SIGMAS of the course: of their pass's own scatter about it, and of its uncertainty.
 
     A pass of LEAST_VALUES or more may run beside the course as a whole. kept (m,): of before.
@@ -596,7 +596,7 @@ def _near(course: Course, values: Values, kept: Bool, step: float) -> Bool:
     for mine in values.passes:
         if len(values.passes) > 1 and mine.stop - mine.start >= LEAST_VALUES:
             typical[mine] = median(size[mine])
-    limit = np.maximum(typical * TO_SD, _digits(values, step))
+    limit = np.maximum(typical * TO_SD, _digits(values, resolution))
     limit = np.hypot(limit, course.u(values.s) / np.sqrt(values.variance))
     return np.asarray(size <= OUTLIER_SIGMAS * limit)
 
@@ -612,9 +612,9 @@ def _ends_of(values: Values, kept: Bool) -> Bool:
     return out
 
 
-def _digits(values: Values, step: float) -> float:
-    """What rounding, to digits or a step, may leave of values, over the least of their standard deviations."""
-    rounded = max(DIGITS * float(np.abs(values.y).max()), step / math.sqrt(12.0))
+def _digits(values: Values, resolution: float) -> float:
+    """What rounding, to digits or a resolution, may leave of values, over the least of their standard deviations."""
+    rounded = max(DIGITS * float(np.abs(values.y).max()), resolution / math.sqrt(12.0))
     return rounded / math.sqrt(float(values.variance.min()))
 
 
@@ -731,7 +731,7 @@ def stretches(s: Float, width_mm: float) -> Int:
     return np.asarray(along - along.min())
 
 
-def _inliers(values: Values, step: float) -> Bool:
+def _inliers(values: Values, resolution: float) -> Bool:
     """Values (m,) within OUTLIER_SIGMAS of the way along the running medians of bins, in one pass.
 
     Components are judged together: noise of a frame may lie along one direction only. What leaves that way where the
@@ -746,7 +746,7 @@ def _inliers(values: Values, step: float) -> Bool:
         middle = [np.median(_neighbours(medians(part, edges), MEDIAN_BINS), axis=1) for part in values.y.T]
         about = np.stack([np.interp(values.s[mine], place, one) for one in middle], axis=1)
         size = np.linalg.norm(values.y[mine] - about, axis=1) / np.sqrt(values.variance[mine])
-        kept[mine] = size <= OUTLIER_SIGMAS * max(median(size) * TO_SD, _digits(values, step))
+        kept[mine] = size <= OUTLIER_SIGMAS * max(median(size) * TO_SD, _digits(values, resolution))
     return kept
 
 

@@ -89,7 +89,7 @@ class Shared(NamedTuple):
     over_mm: float | None = None  # length over which they share their scatter: bins are as long, waves four times
     processes: tuple[Process, ...] = ()  # one of these, by their shares; passes then need no offsets of their own
     may_step: bool = False  # a step within a pass is looked for
-    step: float = 0.0  # by which values differ at least where they differ, as ends of columns do
+    resolution: float = 0.0  # by which values differ at least where they differ, as ends of columns do
     may_be_rough: bool = False  # what is shorter than a course's waves may be no course, and noise of all passes
 
     @property

@@ -472,6 +472,7 @@ def search(
         free = flat[state.examine(flat, first=True) == FREE]
         for one in free[state.steady(free)].tolist():
             if state.is_driven(one) and state.keeps_margin(one):
+                state.judge(one)
                 return state.choice(one), state.map()
         start, size = start + size, min(2 * size, LARGEST_CHUNK)
     while not np.isnan(short := np.where(state.cause == FREE, state.margin[1], np.nan)).all():
@@ -554,15 +555,20 @@ class _State:
             self.margin[1, one] = margin
         return not np.isfinite(margin)
 
+    def judge(self, one: int) -> None:
+        """Note the least margin, less U, that chatter's judge finds for the cell that was driven last."""
+        if self.examiner.keeps is not None:
+            self.margin[1, one] = self.examiner.falls_to(self.driven, self.place(one)[2], everywhere=True)
+
     def is_greatest(self, one: int) -> bool:
         """Whether no other free cell may have a greater margin than the one that was driven last has by the judge."""
-        self.margin[1, one] = self.examiner.falls_to(self.driven, self.place(one)[2], everywhere=True)
+        self.judge(one)
         return bool(self.margin[1, one] >= np.nanmax(np.where(self.cause == FREE, self.margin[1], np.nan)))
 
     def choice(self, one: int) -> Choice:
         """The cell that was driven last."""
         which, rotation, table = self.place(one)
-        margin = None if self.examiner.keeps is None else self.examiner.falls_to(self.driven, table, everywhere=True)
+        margin = None if self.examiner.keeps is None else float(self.margin[1, one])
         joints, of, mean = self.driven, self.grid.said[0].size, self.grid.mean.reshape(-1)[one]
         return Choice(rotation, float(table), int(which), joints, mean, self.examined, of, margin=margin)
 

@@ -366,15 +366,15 @@ def summary(records: tuple[Record, ...]) -> str:
     words += [f"{count} {kind}" for count, kind in counts if count]
     verdicts = [record.verdict for record in records if record.verdict]
     tally = ", ".join(f"{verdicts.count(one)} {one}" for one in ("fail", "undecided", "pass") if one in verdicts)
-    skipped = sum(record.skipped for record in records)
-    numbers = [record.part_id for record in records if record.part_id]
-    again = len(numbers) - len(set(numbers))
-    return (
-        ", ".join(words)
-        + (f" (verdicts: {tally})" if tally else "")
-        + (f"; {skipped} from an earlier run" * bool(skipped))
-        + (f"; {again} with the part number of another" * bool(again))
-    )
+    return ", ".join(words) + (f" (verdicts: {tally})" if tally else "") + _again(records)
+
+
+def _again(records: tuple[Record, ...]) -> str:
+    """How many are of an earlier run, and how many have the part number of one before."""
+    skipped, numbers = sum(record.skipped for record in records), [one.part_id for one in records if one.part_id]
+    alike = len(numbers) - len(set(numbers))
+    earlier = f"; {skipped} from an earlier run" if skipped else ""
+    return earlier + (f"; {alike} with the part number of another" if alike else "")
 
 
 def _table(records: list[Record]) -> Table:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 import scipy.ndimage
@@ -14,7 +13,7 @@ from workbench.artefacts import Cloud
 from workbench.edge.column_errors import Linearity, notes_of, without_column_errors
 from workbench.edge.directions import wrapped
 from workbench.edge.fillet import Fillets, fit_below_flank, fit_circle
-from workbench.edge.groove_frames import LEAST_FACE, ReadFrames, middles
+from workbench.edge.groove_frames import LEAST_FACE, ReadFrames, middles, read_frames
 from workbench.edge.groove_profile import DROP_MM, DROP_POINTS, SHARED, Kind, Side
 from workbench.edge.joint_lines import FaceLine, joined, meeting, typical
 from workbench.edge.layers import Surface, surface, without_layers
@@ -29,10 +28,6 @@ from workbench.geometry.grids import columns_to_next
 from workbench.geometry.sections import SectionLines, in_section, on_line, section_lines
 from workbench.units import DEG, AnyArray, Bool, Float, Int, Shaped
 
-LAYER = (
-    "about {:.1f} mm beside its edge the upper surface of the {} plate {} by {:.2f} mm towards that (primer that was "
-)
-LAYER += "masked, scale that came off?): its corner is that of the surface beside the edge"
 LABELS = ((1, 2), (3, 4))  # upper surface and the face below it, of the left and of the right plate
 UNSEEN = ("edge", "hidden")  # kinds of plates of whose faces nothing, or a fillet only, is seen
 SHOWS = 0.5  # share of the profiles that show a root face, for it to be measured
@@ -131,7 +126,7 @@ class Plate:
 
 
 def plates(
-    cloud: Cloud, labelled: Labelled, read: ReadFrames, curve: Curve, s: Float, sensor: Linearity
+    cloud: Cloud, labels: AnyArray, read: ReadFrames, curve: Curve, s: Float, sensor: Linearity
 ) -> tuple[tuple[Plate, Plate], Course, float, tuple[str, ...]]:
     """Both plates of the profiles at s (n,) of a cloud, drawn as left ones.
 
@@ -140,7 +135,7 @@ def plates(
     """
     points, _ = middles(cloud, read)
     _, middle = in_section(points, curve, s)
-    mine, labels, notes = labelled
+    mine = cloud.of_frames(read.frame)
     shown = [pair[: 1 if kind in UNSEEN else 2] for kind, pair in zip(read.kinds, LABELS, strict=True)]
 
     def lines(of: Cloud) -> dict[int, FaceLines]:
@@ -165,39 +160,34 @@ def plates(
             for one, label in zip(faces[k], shown[k], strict=True)
         ]
         out.append(_plate(_View(mine, read, curve, s, turn, middle, k), sections[k], images))
-    return (out[0], out[1]), tilt, about, (*notes, *notes_of(errors))
+    return (out[0], out[1]), tilt, about, notes_of(errors)
 
 
-class Labelled(NamedTuple):
-    """The profiles of a groove (n, M) without layers that end beside an upper edge, by their faces."""
-
-    cloud: Cloud
-    labels: AnyArray  # of their returns
-    notes: tuple[str, ...]  # of the layers
-
-
-def labelled_profiles(cloud: Cloud, read: ReadFrames) -> Labelled:
-    """Of all frames of a cloud, those that were read."""
-    cloud, notes = cloud.of_frames(read.frame), list[str]()
+def labels_of(cloud: Cloud, read: ReadFrames) -> AnyArray:
+    """The returns (n, M) of a cloud of the profiles that were read, by their faces."""
     labels = np.zeros(cloud.keep.shape, np.uint8)
     for sides, (upper, face) in zip(read.sides, LABELS, strict=True):
         for k, (side, columns) in enumerate(zip(sides, read.columns, strict=True)):
             labels[k, columns[side.upper]], labels[k, columns[side.face]] = upper, face
-    for which, name in enumerate(("left", "right")):
-        surfaces = [_upper_surface(cloud, read, which, k) for k in range(len(read.frame))]
-        cloud, labels, layer = without_layers(cloud, labels, LABELS[which][0], surfaces, read.up)
-        if layer is not None:
-            goes = "falls" if layer.height_mm < 0.0 else "rises"
-            notes.append(LAYER.format(layer.from_mm, name, goes, abs(layer.height_mm)))
-    return Labelled(cloud, labels, tuple(notes))
+    return labels
+
+
+def bare(cloud: Cloud, read: ReadFrames) -> tuple[Cloud, ReadFrames, tuple[str, ...]]:
+    """A groove's cloud without layers that end beside an upper edge, read; and what they were, in words."""
+    named = {
+        f"{name} plate": [_upper_surface(cloud, read, which, k) for k in range(len(read.frame))]
+        for which, name in enumerate(("left", "right"))
+    }
+    lowered, notes = without_layers(cloud, read.frame, named, read.up)
+    return lowered, read_frames(lowered) if notes else read, notes
 
 
 def _upper_surface(cloud: Cloud, read: ReadFrames, which: int, k: int) -> Surface:
-    """Of a plate in profile k of a cloud of these, up to the face below it."""
+    """Of a plate in the k-th profile that was read, up to the face below it."""
     side, columns, step = read.sides[which][k], read.columns[k], (1, -1)[which]
     below, upper = (side.face if side.face.size else side.arc)[::step], side.upper[::step]
     inner = int(below[0]) - step if below.size else side.end
-    x, z = (of[k, columns].astype(np.float64) for of in (cloud.x_mm, cloud.z_mm))
+    x, z = (of[read.frame[k], columns].astype(np.float64) for of in (cloud.x_mm, cloud.z_mm))
     return surface(x, z, read.up, columns, upper, inner, int(upper[0]))
 
 

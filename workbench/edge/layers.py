@@ -6,21 +6,27 @@ parallel, a step apart, as the mean of all profiles shows (docs/grooves.md).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from workbench.artefacts import Cloud
-from workbench.edge.groove_profile import ON_MM, TRIM_MM
-from workbench.units import AnyArray, Bool, Float, Int
+from workbench.edge.groove_profile import TRIM_MM
+from workbench.units import Float, Int
 
 STRETCH = 30  # profiles, whose mean is looked at
 BIN_MM, LEAST_BINS = 0.1, 3  # of the distance from the edge; on either side of a step
+BLUR_MM = 1.1 * BIN_MM  # beside a step returns belong to neither level
 LEAST_MM, MOST_MM = 0.015, 0.5  # height of a layer
 CLEAR = 6.0  # times what the step leaves of the mean, rms: the least height of one
 BETTER = 0.35  # of what a bow or a bend leaves, that a step may leave
+LAYER = (
+    "about {:.1f} mm beside its edge the upper surface of the {} {} by {:.2f} mm towards that (primer that was masked, "
+)
+LAYER += "scale that came off?): its corner is that of the surface beside the edge"
 
 
 class Layer(NamedTuple):
@@ -50,59 +56,77 @@ def surface(x: Float, z: Float, up: float, columns: Int, on: Int, inner: int, ou
 
 
 def find_layer(surfaces: Sequence[Surface]) -> Layer | None:
-    """The layer that the mean of the profiles shows; None: one level, straight, bowed or bent, explains it."""
+    """The layer that the mean of the profiles shows; None: one level, straight, bowed or bent, explains it.
+
+    Lines through either level, or both, tilt the profiles unlike: seen a second time, they lie level beside the step.
+    """
+    layer = _shown(surfaces)
+    return None if layer is None else _shown([_levelled(one, layer) for one in surfaces])
+
+
+def _shown(surfaces: Sequence[Surface]) -> Layer | None:
     at, mean = _mean(surfaces)
     if at.size < 3 * LEAST_BINS:
         return None
     base = np.stack([np.ones_like(at), at], axis=1)
     starts = range(LEAST_BINS, at.size - LEAST_BINS + 1)
     tried = [(*_left(np.column_stack([base, at < at[k]]), mean), k) for k in starts]
-    found, left, k = min(tried, key=lambda one: one[1])
+    _, left, k = min(tried, key=lambda one: one[1])
+    from_mm = float(at[k] - 0.5 * BIN_MM)
+    clear = np.abs(at - from_mm) > BLUR_MM
+    height = float(_left(np.column_stack([base, at < from_mm])[clear], mean[clear])[0][2])
     bends = [np.maximum(at[i] - at, 0.0) for i in starts]  # an edge that is ground off, or rounded
     rival = min(_left(np.column_stack([base, of]), mean)[1] for of in (at**2, *bends))
-    height = float(found[2])
     if not (LEAST_MM < abs(height) < MOST_MM and abs(height) > CLEAR * left and left < BETTER * rival):
         return None
-    return Layer(float(at[k] - 0.5 * BIN_MM), height)
+    return Layer(from_mm, height)
 
 
 def without_layers(
-    cloud: Cloud, labels: AnyArray, label: int, surfaces: Sequence[Surface], up: float
-) -> tuple[Cloud, AnyArray, Layer | None]:
-    """The profiles (n, M) with layers lowered to the strip beside them, their labels, and one that was taken off.
+    cloud: Cloud, frames: Int, plates: Mapping[str, Sequence[Surface]], up: float
+) -> tuple[Cloud, tuple[str, ...]]:
+    """A cloud with the layers on upper surfaces lowered to the strips beside them, and what they are, in words.
 
+    frames (n,): the profiles that show the n surfaces of each plate, by its name; up: 1 where z counts out of these.
     A layer may cover a part of the edge: each profile has that of a stretch beside it, or none, as leaves least.
     """
-    parts = np.array_split(np.arange(len(surfaces)), max(1, len(surfaces) // STRETCH))
-    found = [find_layer([surfaces[k] for k in part]) for part in parts]
-    layers = [one for one in found if one is not None]
-    if not layers:
-        return cloud, labels, None
-    z, out = cloud.z_mm.astype(np.float64), labels.copy()
-    for number, part in enumerate(parts):
-        possible = [one for one in found[max(number - 1, 0) : number + 2] if one is not None]
-        for k in part if possible else ():
-            one = surfaces[k]
-            fits = [_fit(one, layer) for layer in (None, *possible)]
-            height, on_layer, level, _ = min(fits, key=lambda fit: fit[-1])
-            if height == 0.0:
-                continue
-            z[k, one.columns[on_layer]] += up * height / one.cosine
-            on = (one.away_mm > TRIM_MM) & (np.abs(one.above_mm - level) < 0.5 * ON_MM)
-            before = out[k, one.columns]
-            out[k, one.columns] = np.where(on, label, np.where(before == label, 0, before))
-    return replace(cloud, z_mm=z.astype(cloud.z_mm.dtype)), out, layers[0]
+    z, keep, notes = cloud.z_mm.astype(np.float64), cloud.keep.copy(), list[str]()
+    parts = np.array_split(np.arange(frames.size), max(1, frames.size // STRETCH))
+    for name, surfaces in plates.items():
+        found = [find_layer([surfaces[k] for k in part]) for part in parts]
+        shown = [one for one in found if one is not None]
+        for number, part in enumerate(parts if shown else ()):
+            possible = [one for one in found[max(number - 1, 0) : number + 2] if one is not None]
+            for k in part:
+                one = surfaces[k]
+                layer = min((None, *possible), key=partial(_left_by, one))
+                if layer is not None:
+                    beyond = one.away_mm - layer.from_mm
+                    z[frames[k], one.columns[beyond > 0.0]] += up * layer.height_mm / one.cosine
+                    keep[frames[k], one.columns[np.abs(beyond) < BLUR_MM]] = False
+        if shown:
+            goes = "falls" if shown[0].height_mm < 0.0 else "rises"
+            notes.append(LAYER.format(shown[0].from_mm, name, goes, abs(shown[0].height_mm)))
+    return (replace(cloud, z_mm=z.astype(cloud.z_mm.dtype), keep=keep) if notes else cloud), tuple(notes)
 
 
-def _fit(of: Surface, layer: Layer | None) -> tuple[float, Bool, Float, float]:
-    """Height of a profile's strip over its layer, the returns on that, the levels of all, and what these leave."""
-    on_layer = of.away_mm > (0.0 if layer is None else layer.from_mm)
-    height = 0.0 if layer is None else layer.height_mm
-    step = np.where(on_layer, 0.0, height)
+def _left_by(of: Surface, layer: Layer | None) -> float:
+    """What a line with a layer on it leaves of a profile's surface, rms."""
+    return _line(of, layer)[1]
+
+
+def _levelled(of: Surface, layer: Layer) -> Surface:
+    """A profile's surface above the line through both its levels."""
+    offset, slope = _line(of, layer)[0]
+    return of._replace(above_mm=of.above_mm - offset - slope * of.away_mm)
+
+
+def _line(of: Surface, layer: Layer | None) -> tuple[Float, float]:
+    """Offset and slope of the line through a profile's surface without its layer, and the rms that it leaves."""
     use = (of.away_mm > TRIM_MM) & (np.abs(of.above_mm) < MOST_MM)
-    line = np.polyfit(of.away_mm[use], (of.above_mm - step)[use], 1)
-    level = np.asarray(np.polyval(line, of.away_mm) + step, dtype=np.float64)
-    return height, on_layer, level, float(np.sqrt(np.mean((of.above_mm - level)[use] ** 2)))
+    away, above = of.away_mm[use], of.above_mm[use]
+    base = np.stack([np.ones_like(away), away], axis=1)
+    return _left(base, above if layer is None else above - layer.height_mm * (away <= layer.from_mm))
 
 
 def _mean(surfaces: Sequence[Surface]) -> tuple[Float, Float]:

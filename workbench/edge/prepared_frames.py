@@ -15,6 +15,7 @@ from workbench.edge.faces import MAX_LINES, TrackedFaces
 from workbench.edge.fillet import SHARP_MM, fit_on_land
 from workbench.edge.frame_order import flips, profile
 from workbench.edge.identify import crossing, lies_on, whole_faces, width_mm
+from workbench.edge.layers import Surface, surface, without_layers
 from workbench.edge.prepared_profile import Reading, readings
 from workbench.errors import InputError
 from workbench.geometry import tracking
@@ -121,6 +122,22 @@ def read_plates(cloud: Cloud, root_nominal_mm: float, upper_side: Float | None) 
         _refuse_other_root(cloud, [one for one in chosen if one is not None], root_nominal_mm)
     agree = sum(one is not None for one in chosen) / shows
     return Plates(kind, shows / max(enough, 1), agree, side, sense, chosen)
+
+
+def bare(cloud: Cloud, plates: Plates) -> tuple[Cloud, tuple[str, ...]]:
+    """The cloud without layers that end beside the upper edge, and what they were, in words."""
+    shown = np.array([i for i, one in enumerate(plates.readings) if one is not None])
+    surfaces = [_upper_surface(cloud, int(i), one) for i, one in zip(shown, filter(None, plates.readings), strict=True)]
+    return without_layers(cloud, shown, {"plate": surfaces}, -plates.sense)
+
+
+def _upper_surface(cloud: Cloud, i: int, one: Reading) -> Surface:
+    """Of frame i, from its edge to the end of the profile."""
+    x, z, columns = profile(cloud, i)
+    upper, below = one.faces[:2]
+    inner, outer = (int(below[FIRST]) - 1, 0) if one.side > 0 else (int(below[LAST]) + 1, x.size - 1)
+    on = np.arange(int(upper[FIRST]), int(upper[LAST]) + 1)
+    return surface(x, z, -one.sense, columns, on, inner, outer)
 
 
 def _refuse_other_root(cloud: Cloud, found: list[Reading], root_nominal_mm: float) -> None:

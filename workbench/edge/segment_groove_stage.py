@@ -19,7 +19,7 @@ from workbench.edge.end_templates import EdgeCondition
 from workbench.edge.extrapolated import name_extrapolated
 from workbench.edge.frame_order import left_out
 from workbench.edge.groove_frames import COMPOUND, ReadFrames, axes, groove_curve, read_frames
-from workbench.edge.groove_plates import labelled_profiles, plates
+from workbench.edge.groove_plates import bare, labels_of, plates
 from workbench.edge.groove_profile import JUMP_MM, Kind
 from workbench.edge.groove_root_end import BLUNTED
 from workbench.edge.groove_sizes import GrooveSizes
@@ -90,15 +90,15 @@ def segment_groove(
         >>> edge.segment_groove(points).type
         'Y'
     """
-    read = read_frames(cloud)
+    cloud, read, layers = bare(cloud, read_frames(cloud))
     _refuse_blind(read, groove, cloud.source)
     kinds = read.kinds
     checks = _read_checks(read, limits)
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")
     curve, read, s = groove_curve(cloud, read)
     linearity = declared_linearity(sensor)
-    shown = labelled_profiles(cloud, read)
-    both, tilt, about, taken_off = plates(cloud, shown, read, curve, s, linearity)
+    labels = labels_of(cloud.of_frames(read.frame), read)
+    both, tilt, about, taken_off = plates(cloud, labels, read, curve, s, linearity)
     cut = both[0].cut | both[1].cut
     notes = (CUT.format(100.0 * cut.mean()),) if cut.any() else ()
     if notes and min(np.isfinite(one.end[:, 0]).sum() for one in both) < LEAST_FRAMES:
@@ -124,7 +124,7 @@ def segment_groove(
         0.5 if groove == "auto" else float(groove in KNIVES),
     )
     measured.measure(groove == "auto")
-    checks.extend(_checks(shown.cloud, read, shown.labels, measured, limits))
+    checks.extend(_checks(cloud.of_frames(read.frame), read, labels, measured, limits))
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")
     ends = fixed_end_check(cloud.of_frames(read.frame), [one.outwards for one in measured.plates], len(read.frame))
     type_, alternatives, declared = _type(cloud, kinds, measured, groove)
@@ -157,6 +157,7 @@ def segment_groove(
             *left_out(cloud.pass_index, np.isfinite(seen_s)),
             *((SHADOW,) if measured.shadowed else ()),
             *notes,
+            *layers,
             *taken_off,
             *_covered(typical(np.array([one.parted_mm for one in measured.plates]))),
         ),

@@ -64,6 +64,7 @@ from workbench.edge.prepared_frames import (
     FLANK,
     WHOLE,
     PreparedFrames,
+    bare,
     convex_corners,
     frames_of,
     read_plates,
@@ -128,6 +129,9 @@ def segment_preparation(
     columns = require_columns(cloud, root_nominal_mm, limits)
     side = None if upper_side is None else np.array(upper_side)
     plates = read_plates(cloud, root_nominal_mm, side)
+    cloud, layers = bare(cloud, plates)
+    if layers:
+        plates = read_plates(cloud, root_nominal_mm, side)
     frames = frames_of(cloud, plates)
     linearity, tracked = declared_linearity(sensor), frames.tracked
     better, errors = without_column_errors(cloud, tracked.labels, tracked.faces, linearity)
@@ -182,7 +186,7 @@ def segment_preparation(
         base_from_profiler=cloud.base_from_profiler,
         pass_index=cloud.pass_index,
         part=cloud.part,
-        warnings=(*notes, *edge.warnings),
+        warnings=(*layers, *notes, *edge.warnings),
         checks=(*cloud.checks, *checks, ends),
         unseen=by_window(ends),
     )

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import json
+import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,10 +66,11 @@ def values(artefact: Any, place: str = "") -> Iterator[tuple[str, Any]]:
 
 
 class Call(NamedTuple):
-    """One of a stage: its artefacts and parameters by name, and what it made."""
+    """One of a stage: its artefacts and parameters by name, what it made, and how long that took."""
 
     given: dict[str, Any]
     made: Any
+    seconds: float
 
 
 @pytest.fixture(scope="session")
@@ -127,7 +129,9 @@ def once(stage: Stage, calls: list[Call]) -> Callable[..., Any]:
         given = dict(zip((one.name for one in stage.sources), sources, strict=False)) | named
         key = known({name: one for name, one in given.items() if stage.parameters.get(name) is not Role.PROGRESS})
         if key not in made:
-            made[key] = Call(given, function(**given))  # kept, so that no other object has their ids
+            begun = time.process_time()
+            found = function(**given)
+            made[key] = Call(given, found, time.process_time() - begun)  # kept, so that no other object has their ids
             calls.append(made[key])
         return made[key].made
 

@@ -6,12 +6,14 @@ parallel, a step apart, as the mean of all profiles shows (docs/grooves.md).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 
 from workbench.artefacts import Cloud
 from workbench.edge.groove_profile import TRIM_MM
@@ -68,15 +70,14 @@ def _shown(surfaces: Sequence[Surface]) -> Layer | None:
     at, mean = _mean(surfaces)
     if at.size < 3 * LEAST_BINS:
         return None
-    base = np.stack([np.ones_like(at), at], axis=1)
-    starts = range(LEAST_BINS, at.size - LEAST_BINS + 1)
-    tried = [(*_left(np.column_stack([base, at < at[k]]), mean), k) for k in starts]
-    _, left, k = min(tried, key=lambda one: one[1])
-    from_mm = float(at[k] - 0.5 * BIN_MM)
+    starts = at[LEAST_BINS : at.size - LEAST_BINS + 1, None]
+    of_steps = _left_beside((at < starts).astype(float), at, mean)
+    from_mm, left = float(starts[of_steps.argmin(), 0] - 0.5 * BIN_MM), float(of_steps.min())
     clear = np.abs(at - from_mm) > BLUR_MM
-    height = float(_left(np.column_stack([base, at < from_mm])[clear], mean[clear])[0][2])
-    bends = [np.maximum(at[i] - at, 0.0) for i in starts]  # an edge that is ground off, or rounded
-    rival = min(_left(np.column_stack([base, of]), mean)[1] for of in (at**2, *bends))
+    model = np.stack([np.ones_like(at), at, at < from_mm], axis=1)[clear]
+    height = float(np.linalg.lstsq(model, mean[clear], rcond=None)[0][2])
+    bends = np.maximum(starts - at, 0.0)  # an edge that is ground off, or rounded
+    rival = float(_left_beside(np.vstack([at**2, bends]), at, mean).min())
     if not (LEAST_MM < abs(height) < MOST_MM and abs(height) > CLEAR * left and left < BETTER * rival):
         return None
     return Layer(from_mm, height)
@@ -125,8 +126,10 @@ def _line(of: Surface, layer: Layer | None) -> tuple[Float, float]:
     """Offset and slope of the line through a profile's surface without its layer, and the rms that it leaves."""
     use = (of.away_mm > TRIM_MM) & (np.abs(of.above_mm) < MOST_MM)
     away, above = of.away_mm[use], of.above_mm[use]
+    value = above if layer is None else above - layer.height_mm * (away <= layer.from_mm)
     base = np.stack([np.ones_like(away), away], axis=1)
-    return _left(base, above if layer is None else above - layer.height_mm * (away <= layer.from_mm))
+    found = np.linalg.lstsq(base, value, rcond=None)[0]
+    return np.asarray(found), float(np.sqrt(np.mean((value - base @ found) ** 2)))
 
 
 def _mean(surfaces: Sequence[Surface]) -> tuple[Float, Float]:
@@ -134,13 +137,16 @@ def _mean(surfaces: Sequence[Surface]) -> tuple[Float, Float]:
     far = float(np.median([one.away_mm[-1] for one in surfaces]))
     away, above = (np.concatenate(of) for of in zip(*((one.away_mm, one.above_mm) for one in surfaces), strict=True))
     near = np.abs(above) < MOST_MM
-    number = np.floor((away[near] - TRIM_MM) / BIN_MM)
-    shown = {k: above[near][number == k] for k in np.arange(0.0, (far - TRIM_MM) / BIN_MM)}
-    seen = {k: float(np.median(one)) for k, one in shown.items() if one.size > 0.5 * len(surfaces)}
-    return TRIM_MM + BIN_MM * (np.array([*seen]) + 0.5), np.array([*seen.values()])
+    number = np.floor((away[near] - TRIM_MM) / BIN_MM).astype(np.int64)
+    bins = np.arange(math.ceil((far - TRIM_MM) / BIN_MM))
+    seen = bins[np.bincount(number[number >= 0], minlength=bins.size)[: bins.size] > 0.5 * len(surfaces)]
+    mean = scipy.ndimage.median(above[near], number, seen)
+    return np.asarray(TRIM_MM + BIN_MM * (seen + 0.5), dtype=np.float64), np.asarray(mean, dtype=np.float64)
 
 
-def _left(model: Float, value: Float) -> tuple[Float, float]:
-    """The model's coefficients, and the rms that it leaves."""
-    found, *_ = np.linalg.lstsq(model, value, rcond=None)
-    return np.asarray(found, dtype=np.float64), float(np.sqrt(np.mean((value - model @ found) ** 2)))
+def _left_beside(shapes: Float, at: Float, value: Float) -> Float:
+    """What a line beside each of some shapes (c, n) leaves of values (n,) at (n,), rms."""
+    line, _ = np.linalg.qr(np.stack([np.ones_like(at), at], axis=1))
+    own, off = shapes - shapes @ line @ line.T, value - line @ (line.T @ value)
+    explained = (own @ off) ** 2 / np.maximum((own**2).sum(axis=1), 1e-12)
+    return np.asarray(np.sqrt(np.maximum(off @ off - explained, 0.0) / value.size))

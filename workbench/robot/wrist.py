@@ -13,6 +13,7 @@ along axis 2, elbow by the law of cosines. Lengths there in m.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -136,6 +137,7 @@ def refuse_contradiction(configuration: Sequence[Side]) -> None:
             raise ValueError(f"expected '{pair[0]}' or '{pair[1]}', found both")
 
 
+@functools.lru_cache(maxsize=16)  # of a chain, asked for at every posture
 def _wrist(chain: Chain) -> tuple[Float, Float, int]:
     """What the elbow is judged by, what the shoulder is judged by, and the link that carries the latter, at zero.
 

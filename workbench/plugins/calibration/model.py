@@ -98,9 +98,12 @@ class Linear:
     bent: Shaped[Float, " k"]  # standard deviation of w by the square of the error of c_y
 
 
+CROSSED = np.cross(np.eye(3), np.eye(3)[:, None]).reshape(3, 9)  # [e]x of each axis e, row by row
+
+
 def cross_matrix(v: Float) -> Float:
     """[v]x (..., 3, 3) with [v]x u = v x u."""
-    return np.cross(np.eye(3), v[..., None, :])
+    return np.asarray((v @ CROSSED).reshape(*v.shape, 3))
 
 
 def carried(rotation: Float, place: Float) -> Float:

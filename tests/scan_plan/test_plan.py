@@ -142,7 +142,7 @@ def test_what_cannot_be_reached_is_told_with_what_would_help(beyond_reach: Made)
     assert not gate.passed
     assert not file.reached
     assert any("bevel_deg" in one for one in scan.binds)
-    assert any("without error of linearity" in one for one in scan.would_help)
+    assert any("half the noise" in one for one in scan.would_help)
 
 
 def test_passes_drift_to_either_side_in_turn(beyond_reach: Made) -> None:

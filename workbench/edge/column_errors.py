@@ -46,18 +46,20 @@ TAKEN_OFF = "The sensor errs by its columns, by {:.0f} um rms in all frames: tha
 
 
 class Linearity(NamedTuple):
-    """The sensor's own error over its columns, an Ornstein-Uhlenbeck process: rms and correlation length, mm.
+    """The sensor's own error over its columns, a Matern process (nu = 3/2): rms and length, mm, a quarter of a wave's.
 
-    What is not declared is taken for half a micrometre, the least that a face's own residuals cannot disprove, and for
-    a quarter of a wave twice as long as a usual field of view.
+    Distortion is smooth: over a face shorter than that it is a slope (Rasmussen and Williams, Gaussian Processes for
+    Machine Learning, 2006, eq. 4.17). What is not declared is taken for half a micrometre, the least that a face's own
+    residuals cannot disprove, and for a wave as long as a small field of view.
     """
 
     rms_mm: float = 0.0005
-    length_mm: float = 18.0
+    length_mm: float = 6.0
 
     def covariance(self, apart_mm: Float) -> Float:
         """Of the errors of two places so far apart, mm^2."""
-        return np.asarray(self.rms_mm**2 * np.exp(-np.abs(apart_mm) / self.length_mm))
+        apart = math.sqrt(3.0) * np.abs(apart_mm) / self.length_mm
+        return np.asarray(self.rms_mm**2 * (1.0 + apart) * np.exp(-apart))
 
 
 def declared_linearity(sensor: Path | None) -> Linearity:

@@ -37,7 +37,7 @@ class SensorFile(ResultFile):
         default=None, description="rms of the range error over the columns that is the same in every profile"
     )
     linearity_length_mm: Positive | None = Field(
-        default=None, description="lateral length over which it changes: its correlation length; a quarter of a wave's"
+        default=None, description="lateral length over which it changes: a quarter of a wave's"
     )
     line_thickness_mm: Positive | None = Field(default=None, description="recorded only, likewise")
     filters: tuple[str, ...] | None = Field(default=None, description="recorded only, likewise")

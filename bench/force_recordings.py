@@ -14,7 +14,7 @@ import scipy
 
 from workbench.api import Cutter, Float
 from workbench.plugins.stiffness.coefficients import PUBLISHED, CuttingCoefficients
-from workbench.plugins.stiffness.force_stage import STEPS, Teeth, milling_force
+from workbench.plugins.stiffness.force_stage import STEPS, Teeth, edges_in_cut
 
 FEEDS = (300.0, 600.0, 900.0)  # mm/min, of the shipped recordings
 # The dynamometer: force on the workpiece, x against the feed, y across, z up.
@@ -45,7 +45,7 @@ def recording(slot: Slot, feed_mm_min: float, seed: int) -> Float:
     per_tooth = feed_mm_min / (slot.rpm * slot.flutes)
     teeth = Teeth(slot.helix, slot.runout_mm, 0.4)
     one = (np.array([value]) for value in (per_tooth, slot.radial_mm, slot.axial_mm))
-    turn = milling_force(slot.coefficients, cutter, *one, teeth)[0, :, :3] @ slot.axes.T
+    turn = edges_in_cut(cutter, *one, teeth).forces(slot.coefficients)[0, :, :3] @ slot.axes.T
     fine = 4 * slot.rate_hz
     time = np.arange(int(slot.seconds * fine)) / fine
     at = time * slot.rpm / 60.0 * STEPS - 0.5

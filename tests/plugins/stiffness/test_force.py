@@ -18,7 +18,7 @@ from workbench.api import (
 )
 from workbench.errors import InputError
 from workbench.plugins.stiffness import force
-from workbench.plugins.stiffness.force_stage import PUBLISHED, STEPS, CuttingCoefficients, Teeth, milling_force
+from workbench.plugins.stiffness.force_stage import PUBLISHED, STEPS, CuttingCoefficients, Teeth, edges_in_cut
 from workbench.result_files import result_schema
 
 C = PUBLISHED["al7075_t6"]
@@ -35,7 +35,7 @@ def with_torque(
     radial: float, axial: float, feed: float = 0.05, c: CuttingCoefficients = C, steps: int = STEPS, **teeth: float
 ) -> Any:
     met = np.array([feed]), np.array([radial]), np.array([axial])
-    return milling_force(c, CUTTER, *met, Teeth(**teeth), steps)[0]
+    return edges_in_cut(CUTTER, *met, Teeth(**teeth), steps).forces(c)[0]
 
 
 @pytest.mark.parametrize("name", [*PUBLISHED][:2])

@@ -27,7 +27,7 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.ranges import HelixDeg, Positive
-from workbench.plugins.stiffness.coefficients import NAMES, PUBLISHED, CuttingCoefficients, read_coefficients
+from workbench.plugins.stiffness.coefficients import PUBLISHED, CuttingCoefficients, read_coefficients
 from workbench.plugins.stiffness.elastic import MM
 from workbench.plugins.stiffness.values import CuttingProcess, LayerForce, MillingForce
 
@@ -96,13 +96,14 @@ def force(
             )
         per_tooth = layer.feed_mm_s * 60 / (spindle_rpm * toolpath.cutter.flutes)
         met = toolpath.cutter, per_tooth, radial, axial, Teeth(helix_deg * DEG, runout_mm)
-        through = milling_force(of, *met)
+        met_edges = edges_in_cut(*met)
+        through = met_edges.forces(of)
         acts = through[:, :, :3]
         peak = np.linalg.norm(acts, axis=2).argmax(axis=1)[:, None, None]
         u = None
         if of.covariance is not None:  # the mean force is linear in the coefficients
-            each = [milling_force(CuttingCoefficients(*one), *met).mean(axis=1)[:, :3] for one in np.eye(len(NAMES))]
-            u = np.sqrt(np.einsum("ikr,ij,jkr->kr", each, of.covariance, each))
+            each = met_edges.mean_matrices[:, :3]
+            u = np.sqrt(np.einsum("kri,ij,krj->kr", each, of.covariance, each))
         layers.append(
             LayerForce(
                 index=layer.index,
@@ -181,23 +182,38 @@ class Teeth(NamedTuple):
     runout_angle: float = 0.0  # of tooth 1 against the runout, rad
 
 
-def milling_force(
-    coefficients: CuttingCoefficients,
+class EdgesInCut(NamedTuple):
+    """What the elements of cutting edges in a cut add up to, at angles of a revolution: all forces are linear in it."""
+
+    sums: Shaped[Float, "k steps 2 3"]  # of chip times length, mm^2, and length, mm: by sine and cosine, and as it is
+    radius_mm: float
+
+    def forces(self, coefficients: CuttingCoefficients) -> Float:
+        """Force on the cutter in N and torque that it asks of the spindle in Nm (k, steps, 4)."""
+        return np.tensordot(self.sums, np.einsum("ocb,ce->ebo", _pushes(self.radius_mm), coefficients.table), axes=2)
+
+    @property
+    def mean_matrices(self) -> Shaped[Float, "k 4 6"]:
+        """Their means over the revolution by the coefficients (order of NAMES)."""
+        found = np.einsum("ocb,keb->koec", _pushes(self.radius_mm), self.sums.mean(axis=1))
+        return np.asarray(found.reshape(*found.shape[:2], -1))
+
+
+def edges_in_cut(
     cutter: Cutter,
     feed_per_tooth_mm: Shaped[Float, " k"],
     radial_mm: Shaped[Float, " k"],
     axial_mm: Shaped[Float, " k"],
     teeth: Teeth,
     steps: int = STEPS,
-) -> Float:
-    """Force on the cutter in N and torque that it asks of the spindle in Nm (k, steps, 4), through one revolution.
+) -> EdgesInCut:
+    """The elements of cutting edges in k cuts, through one revolution.
 
-    On an edge element: F_t = (K_tc h + K_te) db against its motion, F_r = (K_rc h + K_re) db towards the axis,
+    On one of length db: F_t = (K_tc h + K_te) db against its motion, F_r = (K_rc h + K_re) db towards the axis,
     F_a = (K_ac h + K_ae) db towards the tip (right-hand helix). The chip h is what the tooth takes beyond the teeth
     before it (Kline and DeVor 1983): the least of m f sin(phi) and the difference in radius to the m-th one back.
 
     Args:
-        coefficients: of material and tool.
         cutter: diameter and flutes.
         feed_per_tooth_mm: (k,)
         radial_mm: (k,) radial depth of cut, 0 to the diameter.
@@ -210,37 +226,46 @@ def milling_force(
     offset = teeth.runout_mm * np.cos(teeth.runout_angle - behind)
     spindle_angle = 2 * np.pi * (np.arange(steps) + 0.5) / steps
     met = np.broadcast_arrays(feed_per_tooth_mm, radial_mm, axial_mm)
-    found = np.zeros((np.size(met[0]), steps, 4))
-    for force, feed, radial, axial in zip(found, *(part.reshape(-1) for part in met), strict=True):
+    found = np.zeros((np.size(met[0]), steps, 2, 3))
+    for sums, feed, radial, axial in zip(found, *(part.reshape(-1) for part in met), strict=True):
         if radial <= 0.0 or axial <= 0.0:
             continue
         db, last = axial / SLICES, np.arccos(max(1.0 - radial / radius, -1.0))
         lag = np.tan(teeth.helix) * (np.arange(SLICES) + 0.5) * db / radius
         phi = (spindle_angle[:, None, None] - behind[:, None] - lag) % (2 * np.pi)
-        step, j, i = np.nonzero(phi <= last)
-        angle, of = phi[step, j, i], coefficients.table
+        step, j, _ = np.nonzero(phi <= last)
+        angle = phi[phi <= last]
         chip = np.min([m * feed * np.sin(angle) + offset[j] - offset[j - m] for m in tooth + 1], axis=0)
-        on_edge = (chip > 0.0) * (of[:, :1] * chip + of[:, 1:]) * db
-        parts = np.einsum("pcn,cn->pn", _pushes(angle, radius), on_edge)
-        force[:] = np.stack([np.bincount(step, part, steps) for part in parts], axis=1)
-    return found
+        cuts, ways = (chip > 0.0) * db, _ways(angle)
+        each = [[np.bincount(step, of * way, steps) for way in ways] for of in (cuts * chip, cuts)]
+        sums[:] = np.moveaxis(np.array(each), -1, 0)
+    return EdgesInCut(found, radius)
 
 
 def mean_matrices(cutter: Cutter, entry: float, exit_: float, chip_mm: Shaped[Float, " k"]) -> Shaped[Float, "k 4 6"]:
     """Mean force, N, and torque, Nm, of a turn on a mm of depth, linear in the coefficients (order of NAMES).
 
-    Averages of what `milling_force` adds up from `entry` to `exit_`, rad (Altintas 2012, section 2.8), at feeds per
+    Averages of what `edges_in_cut` adds up from `entry` to `exit_`, rad (Altintas 2012, section 2.8), at feeds per
     tooth `chip_mm` (k,), along y, or against it where the entry is negative (down-milling).
     """
     node, weight = np.polynomial.legendre.leggauss(SLICES)
     phi, share = (entry + exit_ + (exit_ - entry) * node) / 2, cutter.flutes * (exit_ - entry) / (4 * np.pi) * weight
-    pushes, feed = _pushes(phi, cutter.diameter_mm / 2), chip_mm if entry >= 0 else -chip_mm
-    of_chip, of_edge = feed[:, None, None] * (pushes @ (share * np.sin(phi))), pushes @ share
+    pushes, feed = _pushes(cutter.diameter_mm / 2), chip_mm if entry >= 0 else -chip_mm
+    of_chip, of_edge = feed[:, None, None] * (pushes @ _ways(phi) @ (share * np.sin(phi))), pushes @ _ways(phi) @ share
     return np.concatenate([of_chip, np.broadcast_to(of_edge, of_chip.shape)], axis=2)
 
 
-def _pushes(phi: Shaped[Float, " n"], radius_mm: float) -> Shaped[Float, "4 3 n"]:
-    """Force on the cutter and torque, Nm, by 1 N against an edge's motion, towards the axis and towards the tip."""
-    sine, cosine, none = np.sin(phi), np.cos(phi), np.zeros_like(phi)
-    rows = [[sine, -cosine, none], [-cosine, -sine, none], [none, none, none + 1], [none + radius_mm / MM, none, none]]
+def _ways(phi: Shaped[Float, " n"]) -> Shaped[Float, "3 n"]:
+    """Sine, cosine and 1 of angles of an edge."""
+    return np.stack([np.sin(phi), np.cos(phi), np.ones_like(phi)])
+
+
+def _pushes(radius_mm: float) -> Shaped[Float, "4 3 3"]:
+    """Force on the cutter and torque, Nm, by 1 N against an edge's motion, towards the axis and towards the tip.
+
+    Each by sine and cosine of the edge's angle and 1.
+    """
+    sine, cosine, whole = np.eye(3)
+    none = np.zeros(3)
+    rows = [[sine, -cosine, none], [-cosine, -sine, none], [none, none, whole], [radius_mm / MM * whole, none, none]]
     return np.array(rows)

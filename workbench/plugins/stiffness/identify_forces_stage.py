@@ -33,7 +33,7 @@ from workbench.api import (
 )
 from workbench.plugins.ranges import AsBuiltU, HelixDeg, Positive
 from workbench.plugins.stiffness.coefficients import NAMES, PUBLISHED, CuttingCoefficients
-from workbench.plugins.stiffness.force_stage import Teeth, mean_matrices, milling_force
+from workbench.plugins.stiffness.force_stage import Teeth, edges_in_cut, mean_matrices
 from workbench.plugins.stiffness.load_checks import unlike
 from workbench.plugins.stiffness.tap_tests import unit_vector
 
@@ -386,7 +386,7 @@ def _turns(axes: Sequence[str] | None) -> list[Float]:
 
 
 def mean_matrix(cut: Cutting, per_tooth_mm: Float) -> Float:
-    """(n, 3, 6): mean force over a turn at feeds (n,), linear in the coefficients, axes as in `milling_force`."""
+    """(n, 3, 6): mean force over a turn at feeds (n,), linear in the coefficients, axes as in `edges_in_cut`."""
     return cut.axial_mm * mean_matrices(cut.cutter, *cut.angles, per_tooth_mm)[:, :3]
 
 
@@ -471,7 +471,7 @@ def _run_out(tried: Tried, recorded: Sequence[Recorded], per_tooth: Float, cut: 
 
     def through(size: float, angle: float) -> Float:
         radial, axial = (np.full(len(per_tooth), one) for one in (radial_mm, cut.axial_mm))
-        turn = milling_force(of, cut.cutter, per_tooth, radial, axial, Teeth(helix, size, angle))
+        turn = edges_in_cut(cut.cutter, per_tooth, radial, axial, Teeth(helix, size, angle)).forces(of)
         return turn[..., :3] * np.where(down, DOWN, 1.0)
 
     def line(size: float, angle: float) -> Float:

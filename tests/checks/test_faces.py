@@ -86,7 +86,7 @@ def test_columns_too_coarse_for_the_root_face_are_refused() -> None:
     recording = simulate_recording(random_recipe("straight", 61))[0]
     coarse = replace(recording, x_mm=recording.x_mm[:, ::8], z_mm=recording.z_mm[:, ::8], intensity=None)
     with pytest.raises(InputError, match=r"columns are 0\.4 mm apart.*root_columns"):
-        segment(fuse(coarse), root_nominal_mm=2.0)
+        segment(fuse(coarse), root_nominal_mm=1.5)
 
 
 def test_faces_that_the_view_cuts_off_are_refused() -> None:

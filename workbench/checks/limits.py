@@ -188,7 +188,7 @@ LIMITS: dict[str, Limit] = {
         "up to 2 mm are fitted; what is larger is a bevel, or a face of its own",
     ),
     "root_columns": Limit(
-        (8.0, 1e5),
+        (5.0, 1e5),
         "columns that the expected root face's width would hold",
         "a face of fewer columns is not found, and its neighbours are taken for it",
     ),

@@ -140,7 +140,7 @@ def _mean(surfaces: Sequence[Surface]) -> tuple[Float, Float]:
     number = np.floor((away[near] - TRIM_MM) / BIN_MM).astype(np.int64)
     bins = np.arange(math.ceil((far - TRIM_MM) / BIN_MM))
     seen = bins[np.bincount(number[number >= 0], minlength=bins.size)[: bins.size] > 0.5 * len(surfaces)]
-    mean = scipy.ndimage.median(above[near], number, seen)
+    mean = scipy.ndimage.median(above[near], number, seen) if seen.size else seen
     return np.asarray(TRIM_MM + BIN_MM * (seen + 0.5), dtype=np.float64), np.asarray(mean, dtype=np.float64)
 
 
